@@ -1,0 +1,1 @@
+"""Helpers for re-doing four papers on tracking manoeuvring targets with filterpy."""

@@ -1,0 +1,88 @@
+"""Angles: the one place that knows that θ and θ + 2π are the same direction.
+
+Arrays follow the house's convention: components on the first axis, anything else (sigma points, runs) behind it.
+"""
+
+import numpy as np
+
+
+def wrap(angle):
+    """Angle brought into [−π, π).
+
+    Parameters
+    ----------
+    angle : array_like
+        Angles of any shape, rad. NaN stays NaN.
+
+    Returns
+    -------
+    numpy.ndarray or float
+        The same directions in [−π, π); values that lie there already come back bit for bit.
+    """
+    angle = np.asarray(angle, dtype=float)
+    outside = (angle < -np.pi) | (angle >= np.pi)
+    if not np.any(outside):
+        return angle[()]
+    with np.errstate(invalid="ignore"):  # a diverged run holds inf
+        turned = np.mod(angle + np.pi, 2 * np.pi) - np.pi
+    return np.where(outside, turned, angle)[()]
+
+
+def wrap_components(x, angles):
+    """Copy of `x` whose rows named by the indices `angles` are wrapped; `x` (n, ...), angles in rad."""
+    x = np.array(x, dtype=float)
+    for i in angles:
+        x[i] = wrap(x[i])
+    return x
+
+
+def residual(a, b, angles=()):
+    """Difference a − b, taken the short way round in the angular components.
+
+    Parameters
+    ----------
+    a, b : array_like, shapes (n, ...) that broadcast against each other from the right
+        Vectors with their components on the first axis.
+    angles : sequence of int
+        Indices of the components that are angles, rad.
+
+    Returns
+    -------
+    numpy.ndarray, shape (n, ...)
+    """
+    difference = np.subtract(a, b, dtype=float)
+    for i in angles:
+        difference[i] = wrap(difference[i])
+    return difference
+
+
+def mean(points, weights, angles=()):
+    """Weighted mean of sigma points, with angular components averaged about the first point.
+
+    An angle is averaged as θ₀ + Σ wᵢ wrap(θᵢ − θ₀). Where no point lies half a turn from the first this is the linear mean, whatever the signs of
+    the weights; the mean of unit vectors, the usual recipe, flips over when a negative weight outweighs the others.
+
+    Parameters
+    ----------
+    points : array_like, shape (n, k, ...)
+        k points with components on the first axis.
+    weights : array_like, shape (k,)
+        Weights that sum to one.
+    angles : sequence of int
+        Indices of the angular components, rad.
+
+    Returns
+    -------
+    numpy.ndarray, shape (n, ...)
+    """
+    points = np.asarray(points, dtype=float)
+    weights = np.asarray(weights, dtype=float)
+    if points.ndim < 2 or weights.shape != points.shape[1:2]:
+        raise ValueError(
+            f"weights: expected shape ({points.shape[1] if points.ndim > 1 else '?'},) for points {points.shape}, got {weights.shape}"
+        )
+    average = np.einsum("k,nk...->n...", weights, points)
+    for i in angles:
+        centre = points[i, 0]
+        average[i] = wrap(centre + np.einsum("k,k...->...", weights, wrap(points[i] - centre)))
+    return average

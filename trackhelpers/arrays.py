@@ -1,0 +1,140 @@
+"""Small matrices with the Monte Carlo runs on the last axis, and the argument checks that everyone uses.
+
+A matrix is ``(n, n)`` for one run or ``(n, n, M)`` for M runs; every function takes both, and a constant ``(n, n)`` matrix broadcasts over the runs.
+With the runs last each operation is a plain loop over a few components whose every step works on M contiguous numbers.
+"""
+
+import numpy as np
+
+
+def matmul(A, B):
+    """Matrix product of (p, q, ...) and (q, r, ...): shape (p, r, ...)."""
+    return np.einsum("ij...,jk...->ik...", A, B)
+
+
+def matvec(A, x):
+    """Matrix times vector, (p, q, ...) and (q, ...): shape (p, ...)."""
+    return np.einsum("ij...,j...->i...", A, x)
+
+
+def transpose(A):
+    """Transpose of the first two axes, (p, q, ...) to (q, p, ...)."""
+    return np.swapaxes(A, 0, 1)
+
+
+def congruence(A, P):
+    """A P Aᵀ for A (p, q, ...) and P (q, q, ...): shape (p, p, ...)."""
+    return np.einsum("ij...,kj...->ik...", matmul(A, P), A)
+
+
+def symmetrised(P):
+    """(P + Pᵀ)/2."""
+    return 0.5 * (P + np.swapaxes(P, 0, 1))
+
+
+def cholesky(P):
+    """Lower Cholesky factor of P (n, n, ...).
+
+    A run whose matrix is not positive definite gets NaN and leaves its neighbours alone; `numpy.linalg.cholesky` would refuse the whole stack.
+    """
+    P = np.asarray(P, dtype=float)
+    L = np.zeros_like(P)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        for j in range(len(P)):
+            pivot = P[j, j] - np.sum(L[j, :j] ** 2, axis=0)
+            L[j, j] = np.sqrt(np.where(pivot > 0, pivot, np.nan))
+            for i in range(j + 1, len(P)):
+                L[i, j] = (P[i, j] - np.sum(L[i, :j] * L[j, :j], axis=0)) / L[j, j]
+    return L
+
+
+def solve_lower(L, B):
+    """L⁻¹B for lower triangular L (n, n, ...) and B (n, ...) or (n, r, ...)."""
+    B = np.asarray(B, dtype=float)
+    X = np.empty(np.broadcast_shapes(B.shape, B.shape[: B.ndim - (L.ndim - 2)] + L.shape[2:]))
+    for i in range(len(L)):
+        X[i] = (B[i] - sum(L[i, k] * X[k] for k in range(i))) / L[i, i]
+    return X
+
+
+def inverse(P):
+    """Inverse of symmetric positive definite P (n, n, ...); NaN in the runs where it is not positive definite."""
+    half = solve_lower(cholesky(P), np.eye(len(P)).reshape(len(P), len(P), *[1] * (np.ndim(P) - 2)))
+    return np.einsum("ki...,kj...->ij...", half, half)
+
+
+def mahalanobis(y, S):
+    """yᵀS⁻¹y for y (m, ...) and S (m, m, ...); NaN where S is not positive definite."""
+    whitened = solve_lower(cholesky(S), y)
+    return np.sum(whitened**2, axis=0)
+
+
+def check_dt(dt, name="dt"):
+    """The time step as a float, s. ValueError unless it is a finite scalar ≥ 0 (0 is allowed: two sensors at one instant)."""
+    try:
+        value = float(dt)
+    except (TypeError, ValueError):
+        raise ValueError(f"{name}: expected a time step in seconds, a number ≥ 0, got {dt!r}") from None
+    if not np.isfinite(value) or value < 0:
+        raise ValueError(f"{name}: expected a finite time step ≥ 0 s, got {value}")
+    return value
+
+
+def check_scale(value, name):
+    """A standard deviation as a float. ValueError unless it is a finite number ≥ 0."""
+    try:
+        number = float(value)
+    except (TypeError, ValueError):
+        raise ValueError(f"{name}: expected a number ≥ 0, got {value!r}") from None
+    if not np.isfinite(number) or number < 0:
+        raise ValueError(f"{name}: expected a finite number ≥ 0, got {number}")
+    return number
+
+
+def check_array(value, name, first, trailing=None):
+    """`value` as a float array whose first axis has length `first`.
+
+    Parameters
+    ----------
+    trailing : None or tuple of int
+        The axes behind the first; None allows any. A plain vector, shape (first,), must be finite; NaN in an ensemble marks a run that has
+        diverged and passes.
+    """
+    try:
+        array = np.asarray(value, dtype=float)
+    except (TypeError, ValueError):
+        raise ValueError(f"{name}: expected numbers of shape ({first},) or ({first}, ...), got {value!r}") from None
+    if array.ndim == 0 or array.shape[0] != first or (trailing is not None and array.shape[1:] != trailing):
+        wanted = f"({first}, ...)" if trailing is None else str((first, *trailing))
+        raise ValueError(f"{name}: expected shape {wanted}, components on the first axis, got {array.shape}")
+    if array.ndim == 1 and not np.all(np.isfinite(array)):
+        raise ValueError(f"{name}: expected finite numbers, got {array}")
+    return array
+
+
+def check_covariance(value, name, n, runs=None, definite=False, checked=True):
+    """`value` as a covariance of shape (n, n), or (n, n, runs) where `runs` is given and the value has that axis.
+
+    ValueError unless it is finite, symmetric (to 1e-9 of its largest entry), and positive semidefinite (`definite`: positive definite).
+    ``checked=False`` leaves only the test of the shape, for showing what a wrong matrix does.
+    """
+    try:
+        P = np.array(value, dtype=float)
+    except (TypeError, ValueError):
+        raise ValueError(f"{name}: expected a covariance of shape ({n}, {n}), got {value!r}") from None
+    shapes = [(n, n)] if runs is None else [(n, n), (n, n, runs)]
+    if P.shape not in shapes:
+        raise ValueError(f"{name}: expected shape {' or '.join(map(str, shapes))}, got {P.shape}")
+    if not checked:
+        return P
+    if not np.all(np.isfinite(P)):
+        raise ValueError(f"{name}: expected finite numbers, got {np.count_nonzero(~np.isfinite(P))} that are not")
+    scale = np.max(np.abs(P), axis=(0, 1))
+    asymmetry = np.max(np.abs(P - np.swapaxes(P, 0, 1)), axis=(0, 1))
+    if np.any(asymmetry > 1e-9 * scale):
+        raise ValueError(f"{name}: expected a symmetric matrix, got one that differs from its transpose by up to {np.max(asymmetry):.3g}")
+    smallest = np.linalg.eigvalsh(np.moveaxis(P, (0, 1), (-2, -1)))[..., 0]
+    if np.any(smallest < -1e-9 * scale) or (definite and np.any(smallest <= 0)):
+        kind = "definite" if definite else "semidefinite"
+        raise ValueError(f"{name}: expected a positive {kind} matrix, got smallest eigenvalue {np.min(smallest):.3g}")
+    return P

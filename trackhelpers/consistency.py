@@ -1,0 +1,135 @@
+"""Does a filter know how good it is? NEES, NIS, their chi-square bands, and the Cramér–Rao bound."""
+
+import numpy as np
+from scipy import stats
+
+from trackhelpers import angles as _angles
+from trackhelpers.arrays import check_array, check_covariance, congruence, inverse, mahalanobis, transpose
+
+
+def nees(x_true, x, P, angles=()):
+    """Normalised estimation error squared, (x_true − x)ᵀ P⁻¹ (x_true − x).
+
+    Of a consistent filter it is chi-square distributed with n degrees of freedom, so its mean is n (Bar-Shalom, Li and Kirubarajan,
+    *Estimation with Applications to Tracking and Navigation*, 2001, section 5.4).
+
+    Parameters
+    ----------
+    x_true, x : array_like, shape (n,) or (n, M)
+        Truth and estimate; a common truth (n, 1) may stand beside an ensemble.
+    P : array_like, shape (n, n) or (n, n, M)
+        The filter's covariance.
+    angles : sequence of int
+        Indices of the angular components, whose difference is wrapped.
+
+    Returns
+    -------
+    float or numpy.ndarray, shape (M,)
+        NaN in the runs whose P is not positive definite.
+
+    Raises
+    ------
+    ValueError
+        Shapes that do not fit; for one run, numbers that are not finite or a P that is not positive definite.
+    """
+    x = np.asarray(x, dtype=float)
+    n = len(np.atleast_1d(x))
+    x, x_true = check_array(x, "x", n), check_array(x_true, "x_true", n)
+    if x_true.ndim == 1 and x.ndim == 2:
+        x_true = x_true[:, None]
+    error = _angles.residual(x_true, x, angles)
+    return _normalised(error, P, "P")
+
+
+def nis(y, S):
+    """Normalised innovation squared, yᵀ S⁻¹ y; chi-square with m degrees of freedom for a consistent filter.
+
+    Parameters
+    ----------
+    y : array_like, shape (m,) or (m, M)
+        Innovation.
+    S : array_like, shape (m, m) or (m, m, M)
+        The filter's covariance of it.
+
+    Returns
+    -------
+    float or numpy.ndarray, shape (M,)
+
+    Raises
+    ------
+    ValueError
+        As for `nees`.
+    """
+    y = np.atleast_1d(np.asarray(y, dtype=float))
+    return _normalised(check_array(y, "y", len(y)), S, "S")
+
+
+def _normalised(error, P, name):
+    n = len(error)
+    if error.ndim == 1:
+        P = check_covariance(P, name, n, definite=True)
+    else:
+        P = np.asarray(P, dtype=float)
+        if P.shape not in ((n, n), (n, n, *error.shape[1:])):
+            raise ValueError(f"{name}: expected shape {(n, n)} or {(n, n, *error.shape[1:])}, got {P.shape}")
+        P = P.reshape(*P.shape, *[1] * (error.ndim + 1 - P.ndim))
+    return mahalanobis(error, P)[()]
+
+
+def chi2_band(dim, runs=1, level=0.95):
+    """Central interval of the average of `runs` independent chi-square variables of `dim` degrees of freedom.
+
+    Parameters
+    ----------
+    dim : int
+        Degrees of freedom: n for NEES, m for NIS.
+    runs : int
+        How many independent values were averaged.
+    level : float
+        Probability inside, between 0 and 1.
+
+    Returns
+    -------
+    low, high : float
+    """
+    for name, value in (("dim", dim), ("runs", runs)):
+        if not (np.isscalar(value) and np.isfinite(value) and value >= 1 and value == int(value)):
+            raise ValueError(f"{name}: expected a whole number ≥ 1, got {value!r}")
+    if not 0 < level < 1:
+        raise ValueError(f"level: expected a probability between 0 and 1, got {level!r}")
+    low, high = stats.chi2.interval(level, dim * runs)
+    return low / runs, high / runs
+
+
+def cramer_rao(Fs, Qs, Hs, Rs, P0):
+    """Posterior Cramér–Rao bound on the error covariance along a track, for Jacobians taken at the truth.
+
+    The recursion of Tichavský, Muravchik and Nehorai (IEEE Trans. Signal Processing 46, 1998) for additive Gaussian noise is the covariance recursion of
+    an EKF that is linearised at the truth. With Q = 0 it is the bound for a deterministic track.
+
+    Parameters
+    ----------
+    Fs, Qs : sequences of (n, n) arrays
+        Transition into step k and its process noise.
+    Hs, Rs : sequences of (m, n) and (m, m) arrays
+        Measurement at step k; an H of None is a step without one.
+    P0 : array_like, shape (n, n)
+        Covariance of the start, positive definite.
+
+    Returns
+    -------
+    numpy.ndarray, shape (len(Fs), n, n)
+        The bound after each step's measurement.
+    """
+    P = check_covariance(P0, "P0", len(np.atleast_1d(P0)), definite=True)
+    if not len(Fs) == len(Qs) == len(Hs) == len(Rs):
+        raise ValueError(f"Fs, Qs, Hs, Rs: expected equal lengths, got {len(Fs)}, {len(Qs)}, {len(Hs)}, {len(Rs)}")
+    bound = []
+    for F, Q, H, R in zip(Fs, Qs, Hs, Rs, strict=True):
+        P = congruence(F, P) + Q
+        if H is not None:
+            K = P @ transpose(H) @ inverse(congruence(H, P) + R)
+            A = np.eye(len(P)) - K @ H
+            P = congruence(A, P) + congruence(K, np.asarray(R, dtype=float))
+        bound.append(P)
+    return np.array(bound)

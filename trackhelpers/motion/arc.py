@@ -1,0 +1,95 @@
+"""Integrals along an arc: what every turn model is made of, without a division by the turn rate.
+
+With p = x + iy, speed v and heading θ, dp/dt = v e^{iθ}. Over a step in which the heading turns by φ the displacement is a sum of
+
+    E_n(φ) = ∫₀¹ uⁿ e^{iφu} du,
+
+which are smooth at φ = 0, where the printed form (sin(θ+φ) − sin θ)/ω is 0/0.
+"""
+
+import numpy as np
+from scipy.special import spherical_jn
+
+_SMALL = 0.5  # below this half angle the series of j₁, j₂ and j₃ needs no more than 7 terms for full double precision
+# Taylor coefficients of j_l(h)/h^l in h²: (−1)^k / (2^k k! (2l+2k+1)!!), lowest power first
+_SERIES = {
+    l: [(-1.0) ** k / (2.0**k * np.prod(np.arange(1.0, k + 1)) * np.prod(np.arange(1.0, 2 * (l + k) + 2, 2))) for k in range(7)]
+    for l in (1, 2, 3)
+}
+
+
+def unit(angle):
+    """e^{i·angle}, from a cosine and a sine (NumPy's complex exponential is slower)."""
+    direction = np.empty(np.shape(angle), dtype=complex)
+    direction.real = np.cos(angle)
+    direction.imag = np.sin(angle)
+    return direction
+
+
+def _bessel(l, h):
+    """Spherical Bessel function j_l(h), l = 1, 2, 3, for an array h."""
+    small = np.abs(h) <= _SMALL
+    square = h * h
+    value = np.full_like(h, _SERIES[l][-1])
+    with np.errstate(over="ignore", invalid="ignore"):  # large h is replaced below
+        for coefficient in reversed(_SERIES[l][:-1]):
+            value *= square
+            value += coefficient
+        for _ in range(l):
+            value *= h
+    if not np.all(small):
+        large = ~small
+        # j_l(−h) = (−1)^l j_l(h): SciPy promises real arguments of either sign only where it recurs upwards
+        value[large] = np.sign(h[large]) ** l * spherical_jn(l, np.abs(h[large]))
+    return value
+
+
+def turn_integrals(phi, order):
+    """E₀(φ), …, E_order(φ) with E_n(φ) = ∫₀¹ uⁿ e^{iφu} du.
+
+    From the expansion of uⁿ in Legendre polynomials on [0, 1], with h = φ/2 and spherical Bessel functions j_l(h): E₀ = e^{ih} j₀,
+    E₁ = ½ e^{ih} (j₀ + i j₁), E₂ = ¼ e^{ih} (4/3 j₀ + 2i j₁ − 2/3 j₂), E₃ = ⅛ e^{ih} (2 j₀ + 18/5 i j₁ − 2 j₂ − 2/5 i j₃).
+
+    Parameters
+    ----------
+    phi : array_like
+        Angle turned in the step, rad, any shape.
+    order : int
+        0, 1, 2 or 3.
+
+    Returns
+    -------
+    list of complex numpy.ndarray, each of the shape of `phi`
+        Relative error below 1e-14 for every φ, 0 among them.
+    """
+    if order not in (0, 1, 2, 3):
+        raise ValueError(f"order: expected 0, 1, 2 or 3, got {order!r}")
+    phi = np.asarray(phi, dtype=float)
+    h = np.atleast_1d(0.5 * phi)
+    with np.errstate(invalid="ignore"):  # a diverged run holds inf or NaN
+        turn = unit(h)
+        j0 = np.divide(turn.imag, h, out=np.ones_like(h), where=h != 0)
+    E = [turn * j0]
+    if order >= 1:
+        j1 = _bessel(1, h)
+        E.append(0.5 * turn * (j0 + 1j * j1))
+    if order >= 2:
+        j2 = _bessel(2, h)
+        E.append(turn * ((j0 - 0.5 * j2) / 3 + 0.5j * j1))
+    if order >= 3:
+        j3 = _bessel(3, h)
+        E.append(turn * (0.25 * (j0 - j2) + 1j * (0.45 * j1 - 0.05 * j3)))
+    return [e.reshape(phi.shape) for e in E]
+
+
+_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(24)
+
+
+def integrate_along_arc(integrand, dt):
+    """∫₀^dt integrand(t) dt by 24-point Gauss–Legendre quadrature, for the smooth integrands of one step.
+
+    `integrand` takes a time of shape (24, 1, ..., 1) and returns values whose first axis is time; exact to rounding while the step turns by less than
+    about 20 rad.
+    """
+    values = integrand(0.5 * dt * (1 + _NODES))
+    return 0.5 * dt * np.tensordot(_WEIGHTS, values, axes=1)

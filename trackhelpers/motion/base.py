@@ -1,0 +1,141 @@
+"""What all motion models share: argument checks, and dense matrices built from the entries a model writes down."""
+
+import numpy as np
+
+from trackhelpers.arrays import check_array, check_covariance, check_dt, check_scale
+
+
+class Model:
+    """A motion model x(t+dt) = f(x, dt) + G(x, dt) u, with white inputs u of standard deviations σ that are constant within a step.
+
+    A subclass names its state and writes down, for a state x (n, ...) and a step dt, the rows of f (`_rows`), the entries of F that differ from the
+    identity (`_jacobian`) and the entries of G (`_gain`, straight line; `_arc_gain`, along the arc). The dense arrays are made here, once for all.
+
+    Parameters
+    ----------
+    sigmas : sequence of (str, float)
+        Names and standard deviations of the inputs, SI units.
+    noise : {"straight", "exact"}
+        Whether G is that of a straight line through the current heading (the thesis's (3.13)) or is integrated along the arc.
+    Q : array_like, shape (n, n), optional
+        A constant process noise covariance that replaces G diag(σ²) Gᵀ.
+    checked : bool
+        False admits a `Q` that is no covariance, for showing what it does.
+    """
+
+    state: tuple[str, ...] = ()
+    linear = False
+    _angular = ("θ", "Φ")
+
+    def __init__(self, sigmas, noise="straight", Q=None, checked=True):
+        if noise not in ("straight", "exact"):
+            raise ValueError(f"noise: expected 'straight' or 'exact', got {noise!r}")
+        self.noise = noise
+        self.sigmas = tuple(check_scale(value, name) for name, value in sigmas)
+        self.checked = checked
+        self._Q = None if Q is None else check_covariance(Q, "Q", self.n, checked=checked)
+
+    def __repr__(self):
+        noise = f"sigmas={self.sigmas}, noise={self.noise!r}" if self._Q is None else "Q=constant"
+        return f"{type(self).__name__}(state=({', '.join(self.state)}), {noise})"
+
+    @property
+    def n(self):
+        """Number of state components."""
+        return len(self.state)
+
+    @property
+    def angles(self):
+        """Indices of the state components that are angles."""
+        return tuple(i for i, name in enumerate(self.state) if name in self._angular)
+
+    def f(self, x, dt):
+        """State after `dt` seconds without noise.
+
+        Parameters
+        ----------
+        x : array_like, shape (n, ...)
+            State, with any trailing axes (runs, sigma points).
+        dt : float
+            Time step ≥ 0, s.
+
+        Returns
+        -------
+        numpy.ndarray, shape (n, ...)
+            Angles are not wrapped, so that f is smooth; filters wrap.
+
+        Raises
+        ------
+        ValueError
+            A first axis that is not n, a state (n,) that is not finite, a negative dt.
+        """
+        x, dt = self._arguments(x, dt)
+        return np.stack(np.broadcast_arrays(*self._rows(x, dt)))
+
+    def F(self, x, dt):
+        """Jacobian ∂f/∂x at `x`, shape (n, n, ...); arguments as for `f`."""
+        x, dt = self._arguments(x, dt)
+        return self._dense(self._jacobian(x, dt), x, np.eye(self.n))
+
+    def G(self, x, dt):
+        """How inputs that are constant within the step reach the state: shape (n, q, ...), one column an input; arguments as for `f`."""
+        x, dt = self._arguments(x, dt)
+        gain = self._arc_gain if self.noise == "exact" else self._gain
+        return self._dense(gain(x, dt), x, np.zeros((self.n, len(self.sigmas))))
+
+    def Q(self, x, dt):
+        """Process noise covariance G diag(σ²) Gᵀ at the state before the step, shape (n, n, ...); arguments as for `f`."""
+        x, dt = self._arguments(x, dt)
+        if self._Q is not None:
+            return np.broadcast_to(self._Q.reshape(self.n, self.n, *[1] * (x.ndim - 1)), (self.n, self.n, *x.shape[1:]))
+        G = self.G(x, dt)
+        return np.einsum("ij...,j,kj...->ik...", G, np.square(self.sigmas), G)
+
+    def linearised(self, x, dt):
+        """F and Q by their entries: what the ensemble filters multiply with, trivial entries left out. Arguments as for `f`.
+
+        Returns
+        -------
+        transition : dict (i, j) -> number or array (...)
+            Entries by which F differs from the identity.
+        noise : dict (i, j) -> number or array (...)
+            Entries of Q on and below the diagonal that are not zero.
+        """
+        x, dt = self._arguments(x, dt)
+        if self._Q is not None:
+            return self._jacobian(x, dt), {(i, j): self._Q[i, j] for i, j in zip(*np.nonzero(np.tril(self._Q)), strict=True)}
+        gain = (self._arc_gain if self.noise == "exact" else self._gain)(x, dt)
+        noise = {}
+        for (i, q), a in gain.items():
+            for (j, r), b in gain.items():
+                if q == r and j <= i:
+                    noise[i, j] = noise.get((i, j), 0) + self.sigmas[q] ** 2 * a * b
+        return self._jacobian(x, dt), noise
+
+    def _arguments(self, x, dt):
+        return check_array(x, "x", self.n), check_dt(dt)
+
+    @staticmethod
+    def _dense(entries, x, constant):
+        matrix = np.empty((*constant.shape, *x.shape[1:]))
+        matrix[:] = constant.reshape(*constant.shape, *[1] * (x.ndim - 1))
+        for index, value in entries.items():
+            matrix[index] = value
+        return matrix
+
+    def _rows(self, x, dt):
+        raise NotImplementedError
+
+    def _jacobian(self, x, dt):
+        raise NotImplementedError
+
+    def _gain(self, x, dt):
+        raise NotImplementedError
+
+    def _arc_gain(self, x, dt):
+        raise NotImplementedError
+
+
+def pair(column, value):
+    """Entries of the x and y rows (0 and 1) in one column, from a complex number p = x + iy."""
+    return {(0, column): value.real, (1, column): value.imag}

@@ -1,0 +1,1 @@
+"""One scenario a paper: its truth and its measurements."""

@@ -1,0 +1,1 @@
+"""The thesis's experiments: truth, measurements, and its equations as printed."""
