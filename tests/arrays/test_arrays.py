@@ -1,0 +1,78 @@
+import numpy as np
+import pytest
+
+from trackhelpers import arrays
+
+
+@pytest.fixture
+def stack():
+    """Five positive definite 4×4 matrices, runs last, and as a stack NumPy's own functions take."""
+    A = np.random.default_rng(1).normal(size=(5, 4, 4))
+    P = A @ np.swapaxes(A, 1, 2) + np.eye(4)
+    return np.moveaxis(P, 0, -1), P
+
+
+def test_products_equal_numpys_run_by_run(stack):
+    P, rows = stack
+    A = np.random.default_rng(2).normal(size=(3, 4, 5))
+    for m in range(5):
+        np.testing.assert_allclose(arrays.matmul(A, P)[..., m], A[..., m] @ rows[m])
+        np.testing.assert_allclose(arrays.congruence(A, P)[..., m], A[..., m] @ rows[m] @ A[..., m].T)
+        np.testing.assert_allclose(arrays.matvec(A, P[0])[..., m], A[..., m] @ P[0][:, m])
+
+
+def test_cholesky_inverse_and_mahalanobis_equal_numpys(stack):
+    P, rows = stack
+    y = np.random.default_rng(3).normal(size=(4, 5))
+    np.testing.assert_allclose(arrays.cholesky(P), np.moveaxis(np.linalg.cholesky(rows), 0, -1))
+    np.testing.assert_allclose(arrays.inverse(P), np.moveaxis(np.linalg.inv(rows), 0, -1), atol=1e-14)
+    np.testing.assert_allclose(arrays.mahalanobis(y, P), [y[:, m] @ np.linalg.solve(rows[m], y[:, m]) for m in range(5)])
+    np.testing.assert_allclose(arrays.mahalanobis(y[:, 0], P[..., 0]), y[:, 0] @ np.linalg.solve(rows[0], y[:, 0]))
+
+
+def test_an_indefinite_run_becomes_nan_and_leaves_its_neighbours(stack):
+    P, _ = stack
+    clean = arrays.inverse(P)
+    P = P.copy()
+    P[0, 0, 2] = -1
+    spoilt = arrays.inverse(P)
+    assert np.isnan(spoilt[..., 2]).any()
+    assert np.array_equal(np.delete(spoilt, 2, -1), np.delete(clean, 2, -1))
+
+
+@pytest.mark.parametrize("dt", [-1e-9, np.nan, np.inf, "soon", None, [1, 2]])
+def test_check_dt_names_the_argument(dt):
+    with pytest.raises(ValueError, match="dt"):
+        arrays.check_dt(dt)
+
+
+def test_zero_dt_is_allowed():
+    assert arrays.check_dt(0) == 0.0
+
+
+@pytest.mark.parametrize(
+    ("P", "message"),
+    [
+        (np.eye(3), r"P0: expected shape \(2, 2\), got \(3, 3\)"),
+        ([[1, np.nan], [0, 1]], "finite"),
+        ([[1, 0.5], [0, 1]], "symmetric"),
+        ([[1, 2], [2, 1]], "semidefinite"),
+        ("wide", "covariance"),
+    ],
+)
+def test_check_covariance_says_what_is_wrong(P, message):
+    with pytest.raises(ValueError, match=message):
+        arrays.check_covariance(P, "P0", 2)
+
+
+def test_check_covariance_admits_semidefinite_and_unchecked_matrices():
+    assert np.array_equal(arrays.check_covariance(np.zeros((2, 2)), "P0", 2), np.zeros((2, 2)))
+    arrays.check_covariance([[1, 0.5], [0, 1]], "Q", 2, checked=False)
+    with pytest.raises(ValueError, match="definite"):
+        arrays.check_covariance(np.zeros((2, 2)), "P0", 2, definite=True)
+
+
+def test_check_array_wants_finite_vectors_but_lets_a_diverged_run_pass():
+    with pytest.raises(ValueError, match="x: expected finite"):
+        arrays.check_array([1, np.nan], "x", 2)
+    assert np.isnan(arrays.check_array([[1, np.nan], [0, 0]], "x", 2)[0, 1])

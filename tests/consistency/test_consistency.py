@@ -1,0 +1,60 @@
+import numpy as np
+import pytest
+from scipy import stats
+
+from trackhelpers.consistency import chi2_band, cramer_rao, nees, nis
+
+
+def test_nees_of_the_filters_own_error_is_chi_square():
+    rng = np.random.default_rng(0)
+    A = rng.normal(size=(3, 3))
+    P = A @ A.T
+    error = np.linalg.cholesky(P) @ rng.standard_normal((3, 20_000))
+    values = nees(error, np.zeros_like(error), P)
+    assert stats.kstest(values, stats.chi2(3).cdf).pvalue > 0.01
+    np.testing.assert_allclose(values[0], nees(error[:, 0], np.zeros(3), P))
+
+
+def test_nees_wraps_the_named_angles():
+    assert nees([np.pi - 0.1], [-np.pi + 0.1], [[1.0]], angles=(0,)) == pytest.approx(0.04)
+
+
+def test_common_truth_stands_beside_an_ensemble():
+    x = np.random.default_rng(1).normal(size=(2, 4))
+    P = np.repeat(np.eye(2)[..., None], 4, axis=2)
+    np.testing.assert_allclose(nees([1.0, 2.0], x, P), ((x - [[1], [2]]) ** 2).sum(axis=0))
+
+
+def test_nis_is_the_squared_mahalanobis_length_of_the_innovation():
+    assert nis([3.0, 4.0], np.diag([9.0, 4.0])) == pytest.approx(5.0)
+
+
+def test_chi2_band_narrows_to_the_mean():
+    low, high = chi2_band(4, runs=100)
+    assert low < 4 < high
+    np.testing.assert_allclose([low * 100, high * 100], stats.chi2.ppf([0.025, 0.975], 400))
+
+
+def test_cramer_rao_of_a_constant_is_variance_over_n():
+    one = np.eye(1)
+    bound = cramer_rao([one] * 10, [0 * one] * 10, [one] * 10, [4 * one] * 10, 1e9 * one)
+    np.testing.assert_allclose(bound[:, 0, 0], 4 / np.arange(1, 11), rtol=1e-7)
+
+
+@pytest.mark.parametrize(
+    ("call", "name"),
+    [
+        (lambda: nees([1, 2], [1, 2, 3], np.eye(3)), "x_true"),
+        (lambda: nees([1, 2], [1, 2], np.zeros((2, 2))), "P"),
+        (lambda: nees([1, 2], [1, np.nan], np.eye(2)), "x"),
+        (lambda: nis([1, 2], np.eye(3)), "S"),
+        (lambda: nis(np.zeros((2, 4)), np.zeros((2, 2, 3))), "S"),
+        (lambda: chi2_band(0), "dim"),
+        (lambda: chi2_band(2, runs=0.5), "runs"),
+        (lambda: chi2_band(2, level=1.0), "level"),
+        (lambda: cramer_rao([], [np.eye(1)], [], [], np.eye(1)), "Fs"),
+    ],
+)
+def test_bad_input_is_named(call, name):
+    with pytest.raises(ValueError, match=name):
+        call()

@@ -1,0 +1,224 @@
+"""One vocabulary of colours and marks, so that the truth, a measurement and an estimate look the same in every figure.
+
+The colours are those of Okabe and Ito (2008), which people with any of the common colour deficiencies tell apart. Every function draws
+on axes that the caller made, and passes further keywords to matplotlib.
+"""
+
+import re
+import textwrap
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.patches import Ellipse
+from scipy.stats import chi2
+
+from .arrays import check_array, check_covariance
+
+__all__ = [
+    "COLOURS",
+    "MARKS",
+    "METHODS",
+    "band",
+    "caption",
+    "covariance_ellipse",
+    "estimate",
+    "flow",
+    "measured",
+    "nees_plot",
+    "truth",
+    "use_style",
+]
+
+COLOURS = {
+    "truth": "#000000",
+    "measured": "#888888",
+    "band": "#56B4E9",
+    "blue": "#0072B2",
+    "orange": "#E69F00",
+    "green": "#009E73",
+    "purple": "#CC79A7",
+    "vermillion": "#D55E00",
+}
+METHODS = ("blue", "orange", "green", "purple", "vermillion")  # the first is the method that the figure is about
+MARKS = {None: ".", "lidar": ".", "radar": "x", "position": "+", "fix": "+"}
+
+
+def use_style():
+    """Set matplotlib's defaults for the notebooks: 7 in × 4 in at 100 dpi, constrained layout, a light grid, a legend without a frame."""
+    mpl.rcParams.update(
+        {
+            "figure.dpi": 100,
+            "savefig.dpi": 100,
+            "figure.figsize": (7.0, 4.0),
+            "figure.constrained_layout.use": True,
+            "axes.grid": True,
+            "axes.axisbelow": True,
+            "grid.color": "#DDDDDD",
+            "grid.linewidth": 0.6,
+            "axes.spines.top": False,
+            "axes.spines.right": False,
+            "axes.prop_cycle": mpl.cycler(color=[COLOURS[name] for name in METHODS]),
+            "legend.frameon": False,
+            "font.size": 10.0,
+            "lines.linewidth": 1.6,
+        }
+    )
+
+
+def truth(ax, x, y, label="truth", **keywords):
+    """Draw the truth, a black line; return it."""
+    return ax.plot(x, y, **{"color": COLOURS["truth"], "linewidth": 1.2, "label": label, "zorder": 2.5} | keywords)[0]
+
+
+def measured(ax, x, y, sensor=None, label=None, **keywords):
+    """Draw measurements in grey, not joined: dots for a lidar, crosses for a radar, plus signs for a position or a fix; return the line.
+
+    Raises
+    ------
+    ValueError
+        For a sensor that has no mark; `MARKS` lists them.
+    """
+    if sensor not in MARKS:
+        raise ValueError(f"sensor is {sensor!r}, expected one of {list(MARKS)}")
+    label = label if label is not None else sensor or "measured"
+    style = {"color": COLOURS["measured"], "linestyle": "none", "marker": MARKS[sensor], "markersize": 4, "label": label, "zorder": 2}
+    return ax.plot(x, y, **style | keywords)[0]
+
+
+def estimate(ax, x, y, label="estimate", method=0, **keywords):
+    """Draw an estimate, a strong line in the colour of its method: 0 blue, 1 orange, 2 green, 3 purple, 4 vermillion; return it."""
+    return ax.plot(x, y, **{"color": _colour(method), "linewidth": 1.8, "label": label, "zorder": 3} | keywords)[0]
+
+
+def band(ax, t, low, high, label=None, method=None, **keywords):
+    """Shade what lies between `low` and `high`, arrays like `t` or numbers, in light blue or the colour of a method; return the patch."""
+    colour = COLOURS["band"] if method is None else _colour(method)
+    return ax.fill_between(t, low, high, **{"color": colour, "alpha": 0.25, "linewidth": 0, "label": label, "zorder": 1} | keywords)
+
+
+def covariance_ellipse(ax, mean, P, probability=0.95, method=0, label=None, **keywords):
+    """Draw the ellipse that holds a share `probability` of a Gaussian in the plane.
+
+    Its half axes are √(χ²₂(probability)·λ) for the eigenvalues λ of `P`: 2.448 standard deviations for 95 %. (One standard deviation
+    holds only 39.3 %, and the `plot_covariance` of filterpy 2.0.0, asked for 95 %, draws 85 %.)
+
+    Parameters
+    ----------
+    ax : matplotlib.axes.Axes
+    mean : array (2,)
+    P : array (2, 2)
+        Covariance.
+
+    Returns
+    -------
+    matplotlib.patches.Ellipse
+
+    Raises
+    ------
+    ValueError
+        For wrong shapes, entries that are not finite, a `P` that is not symmetric or has a negative eigenvalue, and for a probability
+        outside (0, 1).
+    """
+    mean, P = check_array(mean, "mean", 2, ()), check_covariance(P, "P", 2)
+    if not 0 < probability < 1:
+        raise ValueError(f"probability is {probability!r}, expected a number between 0 and 1")
+    variances, axes = np.linalg.eigh(P)
+    minor, major = 2 * np.sqrt(chi2.ppf(probability, 2) * variances.clip(0))
+    angle = np.degrees(np.arctan2(axes[1, 1], axes[0, 1]))
+    style = {"facecolor": "none", "edgecolor": _colour(method), "linewidth": 1.4, "label": label, "zorder": 3} | keywords
+    ellipse = ax.add_patch(Ellipse(mean, major, minor, angle=angle, **style))
+    ax.autoscale_view()
+    return ellipse
+
+
+def nees_plot(ax, t, average, limits, expected=None, label="average NEES", method=0, **keywords):
+    """Draw an average NEES or NIS over time with its chi-square band.
+
+    Parameters
+    ----------
+    t, average : array (N,)
+    limits : (low, high)
+        The band that a consistent filter keeps to, numbers or arrays (N,); `trackhelpers.consistency.chi2_band` gives it.
+    expected : float, optional
+        The mean of a consistent filter, which is the number of states (NEES) or of measurements (NIS); a dashed line.
+
+    Returns
+    -------
+    matplotlib.lines.Line2D
+    """
+    low, high = limits
+    band(ax, t, low, high, label="chi-square band")
+    if expected is not None:
+        ax.axhline(expected, color=COLOURS["truth"], linestyle="--", linewidth=0.9, zorder=1.5)
+    return estimate(ax, t, average, label=label, method=method, **{"linewidth": 1.2} | keywords)
+
+
+def flow(ax, boxes, arrows, fontsize=9.0):
+    """Draw boxes and the arrows between them.
+
+    Parameters
+    ----------
+    ax : matplotlib.axes.Axes
+        Its ticks and frame are taken away.
+    boxes : dict
+        Name -> (x, y, text): the centre and the text of a box. Both axes have one scale, so inches are a natural unit.
+    arrows : iterable
+        (from, to) or (from, to, text) or (from, to, text, bend), by the names of the boxes; `bend` curves the arrow, 0 is straight.
+
+    Returns
+    -------
+    dict
+        Name -> matplotlib.text.Text, whose ``get_bbox_patch()`` is the box.
+
+    Raises
+    ------
+    ValueError
+        For an arrow that names a box which is not there.
+    """
+    style = {"boxstyle": "round,pad=0.5", "facecolor": "#EAF4FB", "edgecolor": COLOURS["blue"], "linewidth": 1.2}
+    drawn = {
+        name: ax.text(x, y, text, ha="center", va="center", fontsize=fontsize, bbox=style, zorder=3) for name, (x, y, text) in boxes.items()
+    }
+    for start, end, *rest in arrows:
+        unknown = {start, end} - set(boxes)
+        if unknown:
+            raise ValueError(f"arrow {(start, end)} names {sorted(unknown)}, expected boxes out of {list(boxes)}")
+        text, bend = (*rest, "", 0.0)[:2] if len(rest) < 2 else rest
+        a, b = np.array(boxes[start][:2], dtype=float), np.array(boxes[end][:2], dtype=float)
+        line = {
+            "arrowstyle": "-|>",
+            "color": "#444444",
+            "linewidth": 1.1,
+            "shrinkA": 2,
+            "shrinkB": 2,
+            "connectionstyle": f"arc3,rad={bend}",
+            "patchA": drawn[start].get_bbox_patch(),
+            "patchB": drawn[end].get_bbox_patch(),
+        }
+        ax.annotate("", xy=b, xytext=a, arrowprops=line, zorder=4)
+        if text:
+            # matplotlib's arc3 passes at half its control point's distance from the chord, to the right of the way for a positive bend.
+            middle = (a + b) / 2 + 0.5 * bend * np.array([(b - a)[1], -(b - a)[0]])
+            label = {"boxstyle": "round,pad=0.15", "facecolor": "white", "edgecolor": "none"}
+            ax.text(*middle, text, ha="center", va="center", fontsize=fontsize - 1, bbox=label, zorder=5)
+    centres = np.array([box[:2] for box in boxes.values()], dtype=float)
+    margin = 0.18 * np.maximum(np.ptp(centres, axis=0), 1e-9) + 0.35 * (np.ptp(centres, axis=0) == 0)
+    (left, bottom), (right, top) = centres.min(axis=0) - margin, centres.max(axis=0) + margin
+    ax.set(xlim=(left, right), ylim=(bottom, top))
+    ax.set_aspect("equal", adjustable="box")
+    ax.set_axis_off()
+    return drawn
+
+
+def caption(fig, text):
+    """Write a caption below a figure: what to see in it, wrapped to the figure's width. With `use_style` the layout leaves room for it."""
+    # A formula between dollar signs must not be broken over two lines.
+    whole = re.sub(r"\$[^$]*\$", lambda match: match[0].replace(" ", "\0"), " ".join(text.split()))
+    lines = textwrap.wrap(whole, width=max(20, int(15 * fig.get_figwidth())), break_long_words=False, break_on_hyphens=False)
+    fig.supxlabel("\n".join(lines).replace("\0", " "), x=0.01, ha="left", fontsize=9, color="#333333")
+
+
+def _colour(method):
+    if isinstance(method, bool) or method not in range(len(METHODS)):
+        raise ValueError(f"method is {method!r}, expected an int from 0 to {len(METHODS) - 1}")
+    return COLOURS[METHODS[method]]
