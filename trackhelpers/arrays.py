@@ -37,24 +37,32 @@ def cholesky(P):
 
     A run whose matrix is not positive definite gets NaN and leaves its neighbours alone; `numpy.linalg.cholesky` would refuse the whole stack.
     """
-    P = np.asarray(P, dtype=float)
-    L = np.zeros_like(P)
+    L = np.array(P, dtype=float)
     with np.errstate(invalid="ignore", divide="ignore"):
-        for j in range(len(P)):
-            pivot = P[j, j] - np.sum(L[j, :j] ** 2, axis=0)
-            L[j, j] = np.sqrt(np.where(pivot > 0, pivot, np.nan))
-            for i in range(j + 1, len(P)):
-                L[i, j] = (P[i, j] - np.sum(L[i, :j] * L[j, :j], axis=0)) / L[j, j]
+        for j in range(len(L)):
+            L[j, j] = np.sqrt(_positive(L[j, j]))
+            L[j + 1 :, j] /= L[j, j]
+            for i in range(j + 1, len(L)):
+                L[i, j + 1 : i + 1] -= L[i, j] * L[j + 1 : i + 1, j]
+            L[j, j + 1 :] = 0
     return L
 
 
+def _positive(pivot):
+    """`pivot` with NaN for what is not positive."""
+    return pivot if np.all(pivot > 0) else np.where(pivot > 0, pivot, np.nan)
+
+
 def solve_lower(L, B):
-    """L⁻¹B for lower triangular L (n, n, ...) and B (n, ...) or (n, r, ...)."""
+    """L⁻¹B for lower triangular L (n, n, ...) and B (n, ...) or (n, r, ...); trailing axes broadcast."""
     B = np.asarray(B, dtype=float)
-    X = np.empty(np.broadcast_shapes(B.shape, B.shape[: B.ndim - (L.ndim - 2)] + L.shape[2:]))
+    rows = []
     for i in range(len(L)):
-        X[i] = (B[i] - sum(L[i, k] * X[k] for k in range(i))) / L[i, i]
-    return X
+        row = B[i]
+        for k in range(i):
+            row = row - L[i, k] * rows[k]
+        rows.append(row / L[i, i])
+    return np.stack(rows)
 
 
 def inverse(P):
@@ -64,9 +72,19 @@ def inverse(P):
 
 
 def mahalanobis(y, S):
-    """yᵀS⁻¹y for y (m, ...) and S (m, m, ...); NaN where S is not positive definite."""
-    whitened = solve_lower(cholesky(S), y)
-    return np.sum(whitened**2, axis=0)
+    """yᵀS⁻¹y for y (m, ...) and S (m, m, ...), by symmetric elimination; NaN where S is not positive definite."""
+    A = np.array(S, dtype=float)
+    w = list(y)
+    total = 0.0
+    with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+        for j in range(len(A)):
+            pivot = _positive(A[j, j])
+            total = total + w[j] * w[j] / pivot
+            factors = A[j + 1 :, j] / pivot
+            for i in range(j + 1, len(A)):
+                w[i] = w[i] - factors[i - j - 1] * w[j]
+                A[i, j + 1 : i + 1] -= factors[i - j - 1] * A[j + 1 : i + 1, j]
+    return total
 
 
 def check_dt(dt, name="dt"):

@@ -1,5 +1,6 @@
 """Tables as a notebook shows them: rounded to what is meant, and the same bytes on every run."""
 
+import itertools
 import math
 import re
 from decimal import Decimal
@@ -60,6 +61,12 @@ def _cell(value, form):
     return number(value, form if isinstance(form, int) else 4)
 
 
+def _is_text(column):
+    """Whether a column reads as prose, to be set flush left."""
+    texts = [value for value in column if isinstance(value, str)]
+    return any(re.search(r"[^\W\d_]{3}", value) for value in texts)
+
+
 class Table:
     """A table with rounded text in its cells, shown by Jupyter and by ``print`` alike.
 
@@ -112,6 +119,13 @@ class Table:
     def _repr_html_(self):
         with pd.option_context("display.max_colwidth", None):
             body = self.text.to_html(index=self.shows_index, border=0, escape=True)
+        sides = ["left" if _is_text(column) else "right" for _, column in self.frame.items()]
+        aligned = itertools.cycle(sides)  # a row of the body has one <td> a column; its labels are <th>
+        body = re.sub("<td>", lambda cell: f'<td style="text-align: {next(aligned)}">', body)
+        if self.text.columns.nlevels == 1:
+            heads = iter(["left"] * (self.shows_index * self.text.index.nlevels) + sides)
+            top, end, rest = body.partition("</tr>")  # the row of headings; a row with the names of the labels may follow
+            body = re.sub("<th>", lambda cell: f'<th style="text-align: {next(heads)}">', top) + end + rest
         head = f'<caption style="caption-side: top; text-align: left">{escape(self.caption)}</caption>' if self.caption else ""
         return body.replace("\n", f"\n  {head}\n", 1) if head else body
 

@@ -27,10 +27,10 @@ def propagate(P, transition, noise):
     """
     half = P.copy()
     for (i, j), value in transition.items():
-        half[i] += (value - (i == j)) * P[j]
+        half[i] += (value - 1 if i == j else value) * P[j]
     whole = half.copy()
     for (i, j), value in transition.items():
-        whole[:, i] += (value - (i == j)) * half[:, j]
+        whole[:, i] += (value - 1 if i == j else value) * half[:, j]
     for (i, j), value in noise.items():
         whole[i, j] += value
         if i != j:

@@ -1,17 +1,18 @@
 """Monte Carlo over chunks of runs: on one core, on many cores, on many machines, with the same result."""
 
 import os
+import warnings
+from concurrent.futures import BrokenExecutor, CancelledError
+from contextlib import closing
+from functools import partial
 
 import numpy as np
 from joblib import Parallel, delayed
+from joblib.parallel import get_active_backend
 from tqdm.auto import tqdm
 
-_REDUCERS = {
-    "sum": lambda parts: np.sum(parts, axis=0),
-    "min": lambda parts: np.min(parts, axis=0),
-    "max": lambda parts: np.max(parts, axis=0),
-    "concat": lambda parts: np.concatenate(parts, axis=-1),
-}
+_FOLDS = {"sum": np.add, "min": np.minimum, "max": np.maximum}
+_REDUCERS = (*_FOLDS, "concat")
 
 
 def standard_normal(rngs, shape):
@@ -34,18 +35,19 @@ def monte_carlo(task, runs, seed, n_jobs=1, reduce=None, chunk=1000):
     Parameters
     ----------
     task : callable
-        ``task(rngs) -> dict`` of name -> array, for ``len(rngs)`` runs, one `numpy.random.Generator` a run. For `n_jobs` other than 1 it must be picklable
-        (joblib's loky takes functions of a notebook, too).
+        ``task(rngs) -> dict`` of name -> array, for ``len(rngs)`` runs, one `numpy.random.Generator` a run. For `n_jobs` other than 1 cloudpickle must be
+        able to pickle it: functions of a notebook and closures it can.
     runs : int
         Number of runs, ≥ 1.
     seed : int or numpy.random.SeedSequence
-        The root of all random numbers.
-    n_jobs : int
-        Processes, as in joblib (−1: all cores). Within ``joblib.parallel_config(backend="dask")`` the chunks go to the cluster.
+        The root of all random numbers. A sequence is read, not advanced: the same one gives the same runs again.
+    n_jobs : int or None
+        Processes, as in joblib (−1: all cores; None: what ``joblib.parallel_config`` says). Within ``joblib.parallel_config(backend="dask")`` the chunks go
+        to the cluster, whatever `n_jobs`.
     reduce : dict, optional
         name -> "sum" (default), "min", "max", or "concat" (arrays whose last axis is the run are joined in the order of the runs).
     chunk : int
-        Runs a call of `task`, ≥ 1: the memory a worker needs, and the size of a parcel of work.
+        Runs a call of `task`, ≥ 1: the memory a worker needs, and the size of a parcel of work, which pays from about 0.1 s on.
 
     Returns
     -------
@@ -54,51 +56,130 @@ def monte_carlo(task, runs, seed, n_jobs=1, reduce=None, chunk=1000):
     Raises
     ------
     ValueError
-        Arguments out of range, an unknown reducer, chunks that return different names, a "concat" that does not hold one entry a run.
+        Arguments out of range, an unknown reducer, a task that returns no dict, chunks that return different names or shapes, a "concat" that does not hold
+        one entry a run.
     RuntimeError
-        A worker that died; never a silently smaller sample.
+        A worker that died, never a silently smaller sample. (A cluster of Dask first tries the chunk on other workers.)
+
+    Notes
+    -----
+    An exception of the task arrives with its own type. Ctrl-C ends joblib's workers; on a cluster it takes back the chunks that have not begun.
     """
+    root = _checked(task, runs, seed, n_jobs, chunk)
+    merge = _Merge(reduce or {})
+    starts = range(0, runs, chunk)
+    silent = len(starts) == 1 or os.environ.get("TQDM_DISABLE", "") not in ("", "0")
+    with closing(_chunks(task, root, starts, runs, n_jobs)) as chunks, tqdm(total=len(starts), unit="chunk", disable=silent) as bar:
+        try:
+            for first, part in zip(starts, chunks, strict=True):
+                merge.take(part, min(chunk, runs - first))
+                bar.update()
+        except BrokenExecutor as error:
+            raise RuntimeError(f"monte_carlo: a worker died after {merge.taken} of {len(starts)} chunks; no result is returned") from error
+    return merge.result()
+
+
+def _checked(task, runs, seed, n_jobs, chunk):
+    """The root SeedSequence; ValueError for arguments out of range."""
+    if not callable(task):
+        raise ValueError(f"task: expected a function of a list of generators, got {task!r}")
     for name, value in (("runs", runs), ("chunk", chunk)):
         if not isinstance(value, (int, np.integer)) or value < 1:
             raise ValueError(f"{name}: expected a whole number ≥ 1, got {value!r}")
-    reduce = dict(reduce or {})
-    for name, how in reduce.items():
-        if how not in _REDUCERS:
-            raise ValueError(f"reduce: expected one of {sorted(_REDUCERS)} for {name!r}, got {how!r}")
-    root = seed if isinstance(seed, np.random.SeedSequence) else np.random.SeedSequence(seed)
-    # a fresh sequence of the same entropy: a second call with the same object must not spawn other children
-    entropy, key = root.entropy, root.spawn_key
-    parcels = [(first, min(first + chunk, runs)) for first in range(0, runs, chunk)]
-    silent = bool(os.environ.get("TQDM_DISABLE")) or len(parcels) == 1
-    work = (delayed(_run_chunk)(task, entropy, key, first, last) for first, last in parcels)
-    parts = []
-    try:
-        stream = Parallel(n_jobs=n_jobs, return_as="generator")(work)
-        for part in tqdm(stream, total=len(parcels), unit="chunk", disable=silent):
-            parts.append(part)
-    except Exception as error:
-        if type(error).__name__ in ("TerminatedWorkerError", "BrokenProcessPool", "KilledWorker"):
-            raise RuntimeError(f"monte_carlo: a worker died after {len(parts)} of {len(parcels)} chunks; no result is returned") from error
-        raise
-    return _merged(parts, parcels, reduce)
+    if n_jobs is not None and (not isinstance(n_jobs, (int, np.integer)) or n_jobs == 0):
+        raise ValueError(f"n_jobs: expected a whole number other than 0, or None, got {n_jobs!r}")
+    if isinstance(seed, np.random.SeedSequence):
+        return seed
+    if not isinstance(seed, (int, np.integer)) or seed < 0:
+        raise ValueError(f"seed: expected a whole number ≥ 0 or a SeedSequence, got {seed!r}")
+    return np.random.SeedSequence(int(seed))
 
 
-def _run_chunk(task, entropy, key, first, last):
-    children = (np.random.SeedSequence(entropy, spawn_key=(*key, run)) for run in range(first, last))
+class _Merge:
+    """Takes in the chunks' results one by one; what is folded needs no memory that grows with the runs."""
+
+    def __init__(self, reduce):
+        for name, how in reduce.items():
+            if how not in _REDUCERS:
+                raise ValueError(f"reduce: expected one of {sorted(_REDUCERS)} for {name!r}, got {how!r}")
+        self.reduce = dict(reduce)
+        self.taken = 0
+        self._folded, self._joined, self._shapes = {}, {}, None
+
+    def take(self, part, runs):
+        """Take in one chunk's result, of `runs` runs."""
+        if not isinstance(part, dict):
+            raise ValueError(f"task: expected a dict of name -> array, got {type(part).__name__}")
+        part = {name: np.asarray(value) for name, value in part.items()}
+        shapes = {name: self._shape(name, value, runs) for name, value in part.items()}
+        if self._shapes is None:
+            self._shapes = shapes
+            if set(self.reduce) - set(part):
+                raise ValueError(f"reduce: the task returns {sorted(part)}, not {sorted(set(self.reduce) - set(part))}")
+        elif shapes != self._shapes:
+            raise ValueError(f"task: expected the same names and shapes from every chunk, got {self._shapes} and {shapes}")
+        for name, value in part.items():
+            if self._how(name) == "concat":
+                self._joined.setdefault(name, []).append(value)
+            else:
+                so_far = [self._folded[name]] if name in self._folded else []
+                self._folded[name] = _FOLDS[self._how(name)].reduce([*so_far, value])
+        self.taken += 1
+
+    def result(self):
+        """The merged dict, names in the order of the task's."""
+        joined = {name: np.concatenate(values, axis=-1) for name, values in self._joined.items()}
+        return {name: joined[name] if name in joined else self._folded[name] for name in self._shapes}
+
+    def _how(self, name):
+        return self.reduce.get(name, "sum")
+
+    def _shape(self, name, value, runs):
+        """The part of the shape that every chunk must share."""
+        if self._how(name) != "concat":
+            return value.shape
+        if value.shape[-1:] != (runs,):
+            raise ValueError(f"task: {name!r} is to be joined by run, expected a last axis of {runs}, got shape {value.shape}")
+        return value.shape[:-1]
+
+
+def _run_chunk(task, root, first, last):
+    # children are made where they are needed, by number, as root.spawn would make them
+    key = root.spawn_key
+    children = (np.random.SeedSequence(root.entropy, spawn_key=(*key, run), pool_size=root.pool_size) for run in range(first, last))
     return task([np.random.default_rng(child) for child in children])
 
 
-def _merged(parts, parcels, reduce):
-    names = set(parts[0])
-    for part, (first, last) in zip(parts, parcels, strict=True):
-        if set(part) != names:
-            raise ValueError(f"task: expected the same names from every chunk, got {sorted(names)} and {sorted(part)}")
-        for name in names:
-            if reduce.get(name) == "concat" and np.shape(part[name])[-1:] != (last - first,):
-                raise ValueError(
-                    f"task: {name!r} is to be joined by run, expected a last axis of {last - first}, got {np.shape(part[name])}"
-                )
-    unknown = set(reduce) - names
-    if unknown:
-        raise ValueError(f"reduce: the task returns {sorted(names)}, not {sorted(unknown)}")
-    return {name: _REDUCERS[reduce.get(name, "sum")]([np.asarray(part[name]) for part in parts]) for name in parts[0]}
+def _chunks(task, root, starts, runs, n_jobs):
+    """What `task` returns for each chunk, in order, by whatever joblib is configured to; BrokenExecutor when a worker died."""
+    parcels = ((first, min(first + starts.step, runs)) for first in starts)
+    backend, _ = get_active_backend()
+    if hasattr(backend, "client"):
+        backend.effective_n_jobs(n_jobs)  # waits for the first worker, and says so if there is none
+        yield from _chunks_of_dask(backend.client, task, root, parcels)
+        return
+    stream = Parallel(n_jobs=n_jobs, return_as="generator")(delayed(_run_chunk)(task, root, first, last) for first, last in parcels)
+    try:
+        for part in stream:  # no `yield from`: it would close the stream before the warning is silenced
+            yield part
+    finally:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", UserWarning)  # joblib's remark on chunks that an error left unread
+            stream.close()
+
+
+def _chunks_of_dask(client, task, root, parcels):
+    # joblib's own dask backend (1.6) waits for ever for a chunk whose worker was killed; the cluster's futures tell
+    from distributed import KilledWorker
+
+    firsts, lasts = zip(*parcels, strict=True)
+    waiting = client.map(partial(_run_chunk, task, root), firsts, lasts, pure=False)[::-1]
+    try:
+        while waiting:
+            part = waiting[-1].result()
+            waiting.pop()  # forgotten here, the cluster forgets it, too
+            yield part
+    except (KilledWorker, CancelledError) as error:
+        raise BrokenExecutor(str(error)) from error
+    finally:
+        client.cancel(waiting)

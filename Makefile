@@ -1,0 +1,52 @@
+# The verbs of this project; `make` alone lists them. Everything runs in .venv, made from the pins in environment.txt, and every
+# tool is called as a module: the start scripts inside .venv name their interpreter by its path, which fails where that holds a space.
+
+PYTHON ?= python3
+RUN := .venv/bin/python
+READY := .venv/.ok
+NBVAL := --nbval --nbval-sanitize-with=tests/nbval_sanitize.cfg --nbval-cell-timeout=300
+
+.DEFAULT_GOAL := help
+.PHONY: help book lab test refresh lock bench clean
+.DELETE_ON_ERROR:
+
+help:  ## list the targets
+	@sed -n 's/^\([a-z]*\):.*## \(.*\)/  make \1|\2/p' Makefile | awk -F'|' '{ printf "%-16s%s\n", $$1, $$2 }'
+
+$(READY): environment.txt pyproject.toml
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "Python 3.11 or newer is needed: make PYTHON=python3.x")'
+	@echo "Setting up .venv from environment.txt (the first time takes a few minutes)"
+	@test -x $(RUN) || $(PYTHON) -m venv .venv
+	@$(RUN) -m pip install --quiet --disable-pip-version-check -r environment.txt
+	@$(RUN) -m pip install --quiet --disable-pip-version-check --no-deps -e .
+	@$(RUN) -c 'import matplotlib.font_manager'  # builds the font cache, which would announce itself in a notebook
+	@touch $@
+
+book: $(READY)  ## run every notebook afresh and build the web book, which needs no network to be read
+	@$(RUN) -m trackhelpers.suite book
+
+lab: $(READY)  ## open the notebooks in JupyterLab
+	@$(RUN) -m jupyterlab --notebook-dir=notebooks
+
+test: $(READY)  ## lint code and notebooks, run the unit tests, compare every notebook's outputs with a fresh run
+	$(RUN) -m ruff check .
+	$(RUN) -m ruff format --check .
+	$(RUN) -m pytest tests -n 2
+	@if [ -z "$$(find notebooks -name '*.ipynb' -not -path '*/.*' 2>/dev/null)" ]; then echo "No notebooks to compare yet."; \
+	else set -x; $(RUN) -m pytest $(NBVAL) notebooks -n 2 --dist loadscope; fi
+
+refresh: $(READY)  ## run every notebook in place and store it normalised: a second run changes no byte
+	@$(RUN) -m trackhelpers.suite refresh
+
+lock: $(READY)  ## resolve pyproject.toml's ranges into environment.txt anew (UPGRADE= keeps the pins that still fit)
+	@$(RUN) -m uv pip compile --quiet $(UPGRADE) --no-header --all-extras --universal pyproject.toml -o environment.txt
+	@echo "environment.txt is written; the next make installs it."
+
+UPGRADE ?= --upgrade
+
+bench: $(READY)  ## measure speed
+	@$(RUN) -m benchmarks
+
+clean:  ## remove what was built, but not .venv
+	rm -rf build .pytest_cache .ruff_cache .hypothesis
+	find . -path ./.venv -prune -o -name __pycache__ -type d -prune -exec rm -rf {} +

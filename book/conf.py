@@ -1,0 +1,21 @@
+"""Sphinx settings of the web book. `make book` lays the executed notebooks and the table of contents before it."""
+
+project = "Tracking manoeuvring targets"
+author = "The trackhelpers authors"
+language = "en"
+root_doc = "00_start_here"
+exclude_patterns = ["_build", "jupyter_execute", "**.ipynb_checkpoints"]
+
+extensions = ["myst_nb", "sphinx-mathjax-offline"]
+myst_enable_extensions = ["amsmath", "dollarmath"]
+myst_heading_anchors = 3
+nb_execution_mode = "off"  # they were run before
+nb_ipywidgets_js = {}  # the scripts of live widgets would come from the network
+nb_merge_streams = True
+nb_output_stderr = "error"
+
+html_theme = "sphinx_book_theme"
+html_title = project
+html_theme_options = {"home_page_in_toc": True, "navigation_with_keys": False, "navbar_persistent": [], "show_toc_level": 2}
+html_show_copyright = False
+html_show_sphinx = False

@@ -1,0 +1,64 @@
+"""Settings of every test run. Under ``--nbval``: strict kernels, notebooks without their data skipped, ledgers compared at the end."""
+
+import contextlib
+import os
+import tempfile
+from pathlib import Path
+
+import pytest
+
+os.environ.setdefault("MPLBACKEND", "Agg")  # the notebooks' kernels have their own setting
+
+
+def pytest_configure(config):
+    if not config.getoption("nbval", False) or hasattr(config, "workerinput"):  # pytest-xdist's workers inherit the environment
+        return
+    from trackhelpers.suite.kernel import strict_kernels
+
+    stack = contextlib.ExitStack()
+    config.add_cleanup(stack.close)
+    results = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="trackhelpers-results-")))
+    stack.enter_context(strict_kernels(results))
+    config.pluginmanager.register(LedgersAreCommitted(config.rootpath, results))
+
+
+def pytest_collection_modifyitems(config, items):
+    if not config.getoption("nbval", False):
+        return
+    from trackhelpers.suite import missing_data
+
+    folder = config.rootpath / "notebooks"
+    for item in items:
+        if item.path.suffix == ".ipynb" and item.path.is_relative_to(folder):
+            reason = missing_data(item.path, folder)
+            if reason:
+                item.add_marker(pytest.mark.skip(reason=reason))
+
+
+class LedgersAreCommitted:
+    """Fails the session when a notebook that passed wrote another ledger than the committed one."""
+
+    def __init__(self, root, results):
+        self.root, self.results = root, results
+        self.outcomes = {}
+        self.differences = []
+
+    def pytest_runtest_logreport(self, report):
+        self.outcomes.setdefault(self.root / report.nodeid.split("::")[0], set()).add(report.outcome)
+
+    @pytest.hookimpl(tryfirst=True)
+    def pytest_sessionfinish(self, session):
+        from trackhelpers.ledger import compare
+        from trackhelpers.suite import notebooks
+
+        folder = self.root / "notebooks"
+        unfinished = [p for p in notebooks(folder) if self.outcomes.get(p) != {"passed"}]
+        exclude = {p.relative_to(folder).with_suffix("").as_posix() for p in unfinished}
+        self.differences = compare(folder / "results", self.results, exclude=exclude)
+        if self.differences and session.exitstatus == pytest.ExitCode.OK:
+            session.exitstatus = pytest.ExitCode.TESTS_FAILED
+
+    def pytest_terminal_summary(self, terminalreporter):
+        if self.differences:
+            terminalreporter.section("committed ledgers that are not what the notebooks write", red=True)
+            terminalreporter.write_line("\n".join(self.differences))

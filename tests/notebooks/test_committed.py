@@ -1,0 +1,95 @@
+"""What is committed holds together: ledgers bear their verdicts out, notebooks have their form, README is in step."""
+
+import nbformat
+import pytest
+
+from trackhelpers.ledger import bears_out, read_ledger
+from trackhelpers.ledger.readme import in_step
+from trackhelpers.published import published, tables_of
+from trackhelpers.suite import FIRST_PAGE, NOTEBOOKS, ROOT, notebooks
+
+PAGES = notebooks()
+CHAPTERS = [path for path in PAGES if path.name != FIRST_PAGE]
+
+
+def name(path):
+    return path.relative_to(NOTEBOOKS).with_suffix("").as_posix()
+
+
+@pytest.fixture(scope="module")
+def ledger():
+    return read_ledger()
+
+
+def rows_of(ledger, paper):
+    return ledger[ledger.notebook.str.startswith(f"{paper}/")]
+
+
+def test_every_row_bears_its_verdict_out(ledger):
+    wrong = [(row.notebook, row.id) for _, row in ledger.iterrows() if not bears_out(row)]
+    assert not wrong
+
+
+def test_every_chapter_has_a_ledger_and_every_ledger_a_chapter(ledger):
+    assert set(ledger.notebook) == {name(path) for path in CHAPTERS}
+
+
+def test_every_numbered_equation_of_the_thesis_has_a_row(ledger):
+    where = " ".join(rows_of(ledger, "1_thesis")["where"])
+    missing = [f"({c}.{k})" for c in (2, 3) for k in range(1, 17) if f"({c}.{k})" not in where]
+    assert not missing
+
+
+def test_every_cell_of_the_thesis_s_tables_of_numbers_has_a_row(ledger):
+    """Counted by kind and place, so a cell that nobody judged shows."""
+    rows = rows_of(ledger, "1_thesis")
+    for table in tables_of("thesis"):
+        found = rows["where"].str.contains(rf"Tables? {table}(?!\d)").sum()
+        frame = published("thesis", table)
+        wanted = len(frame) if table in (1, 2) else frame.size - (len(frame) if table == 3 else 0)  # Table 3's first column is the time
+        assert found >= wanted, f"Table {table}: {found} rows for {wanted} cells"
+
+
+@pytest.mark.parametrize("figure", range(1, 7))
+def test_every_figure_of_the_thesis_has_a_row(ledger, figure):
+    rows = rows_of(ledger, "1_thesis")
+    assert rows["where"].str.contains(rf"Figures? {figure}(?!\d)").any()
+
+
+@pytest.mark.parametrize("path", PAGES, ids=name)
+def test_notebook_was_run_from_top_to_bottom_without_complaint(path):
+    cells = [cell for cell in nbformat.read(path, as_version=4).cells if cell.cell_type == "code"]
+    assert [cell.execution_count for cell in cells] == list(range(1, len(cells) + 1))
+    for cell in cells:
+        for output in cell.outputs:
+            assert output.output_type != "error"
+            assert output.get("name") != "stderr"
+
+
+@pytest.mark.parametrize("path", PAGES, ids=name)
+def test_notebook_stays_light_and_its_cells_short(path):
+    assert path.stat().st_size < 600_000
+    lengths = [len([line for line in cell.source.splitlines() if line.strip()]) for cell in nbformat.read(path, 4).cells if cell.cell_type == "code"]
+    assert max(lengths) <= 20
+
+
+@pytest.mark.parametrize("path", CHAPTERS, ids=name)
+def test_chapter_has_its_parts(path):
+    nb = nbformat.read(path, as_version=4)
+    text = "\n".join(cell.source for cell in nb.cells if cell.cell_type == "markdown").lower()
+    code = "\n".join(cell.source for cell in nb.cells if cell.cell_type == "code")
+    for part in ("after this chapter", "you need", "exercise", "solution", "key points", "references"):
+        assert part in text, part
+    assert "# your code here" in code
+    assert "ledger.write()" in [cell for cell in nb.cells if cell.cell_type == "code"][-1].source
+
+
+def test_start_page_links_to_every_chapter():
+    page = NOTEBOOKS / FIRST_PAGE
+    text = "\n".join(cell.source for cell in nbformat.read(page, as_version=4).cells)
+    missing = [name(path) for path in CHAPTERS if f"{name(path)}.ipynb" not in text]
+    assert not missing
+
+
+def test_readme_is_in_step_with_the_ledger(ledger):
+    assert in_step((ROOT / "README.md").read_text(encoding="utf-8"), ledger)

@@ -1,0 +1,48 @@
+"""Notebooks have one stored form, and the committed ones are in it."""
+
+import nbformat
+import pytest
+
+from trackhelpers.suite import NOTEBOOKS, form, notebooks
+
+v4 = nbformat.v4
+
+
+def test_a_normalised_notebook_is_its_own_normal_form(store):
+    path = store("a.ipynb", "x = 1", "x")
+    once = form.dumps(form.normalise(nbformat.read(path, as_version=4)))
+    assert form.dumps(form.normalise(nbformat.reads(once, as_version=4))) == once
+
+
+def test_normalising_drops_what_changes_by_itself_and_keeps_the_rest():
+    cell = v4.new_code_cell("x", id="kept", execution_count=7, metadata={"tags": ["hide-input"], "execution": {"iopub.status.busy": "now"}})
+    data = {"text/plain": "<object object at 0x7f3a10>", "text/html": "<b>0x10</b>", form.WIDGET: {"model_id": "random"}}
+    cell.outputs = [v4.new_output("execute_result", data, execution_count=7), v4.new_output("stream", text="<f at 0xdead>\n")]
+    notebook = form.normalise(
+        v4.new_notebook(cells=[cell], metadata={"widgets": {}, "language_info": {"name": "python", "version": "3.9"}})
+    )
+    result, stream = notebook.cells[0].outputs
+    assert notebook.metadata == form.METADATA
+    assert notebook.cells[0].metadata == {"tags": ["hide-input"]}
+    assert notebook.cells[0].id == "kept"
+    assert result.execution_count == notebook.cells[0].execution_count == 1
+    assert result.data == {"text/plain": "<object object at 0x0>", "text/html": "<b>0x10</b>"}
+    assert stream.text == "<f at 0x0>\n"
+
+
+def test_notebooks_are_listed_in_reading_order(store):
+    names = ["00_start_here.ipynb", "1_a/2_b.ipynb", "1_a/4_1_c.ipynb", "1_a/10_d.ipynb", "2_e/1_f.ipynb"]
+    paths = [store(name) for name in reversed(names)][::-1]
+    store("1_a/.ipynb_checkpoints/2_b.ipynb")
+    assert notebooks(paths[0].parent) == paths
+
+
+@pytest.mark.parametrize("path", notebooks(), ids=lambda p: p.relative_to(NOTEBOOKS).as_posix())
+def test_committed_notebooks_are_as_refresh_stores_them(path):
+    # nbval compares nothing in a cell that was never run, so run they must be, from top to bottom.
+    text = path.read_text(encoding="utf-8")
+    notebook = nbformat.reads(text, as_version=4)
+    kinds = {(o.output_type, o.get("name")) for cell in notebook.cells for o in cell.get("outputs", [])}
+    assert form.dumps(form.normalise(notebook)) == text
+    assert not kinds & {("error", None), ("stream", "stderr")}
+    assert path.stat().st_size < 600_000

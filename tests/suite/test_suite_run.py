@@ -1,0 +1,88 @@
+"""Notebooks are run strictly and stored so that nothing moves that did not change."""
+
+import nbformat
+import pytest
+
+from trackhelpers import datasets
+from trackhelpers.suite import NEEDS
+from trackhelpers.suite.run import NotebookError, run
+
+FIGURE = "import matplotlib.pyplot as plt\nfig, ax = plt.subplots(figsize=(1, 1))\nax.set_title({title!r})\nplt.show()"
+
+
+def in_place(path):
+    run([path], lambda p: p, folder=path.parents[1])
+
+
+def test_a_second_refresh_changes_no_byte(store):
+    path = store("1_one/1_first.ipynb", FIGURE.format(title="θ"), "object()", "# your code here", "print('a')", "")
+    in_place(path)
+    first = path.read_bytes()
+    in_place(path)
+    assert path.read_bytes() == first
+    cells = nbformat.read(path, as_version=4).cells
+    assert [cell.id for cell in cells] == ["title", "code-1", "code-2", "code-3", "code-4", "code-5"]
+    assert [cell.execution_count for cell in cells[1:]] == [1, 2, 3, 4, 5]
+    assert "image/png" in cells[1].outputs[0].data
+    assert cells[4].outputs[0].text == "a\n"
+    assert first.endswith(b"}\n")
+
+
+@pytest.mark.parametrize(
+    ("code", "named"),
+    [
+        ("import warnings\nwarnings.warn('mind the step')", "mind the step"),
+        ("import warnings\nwarnings.warn('old ways', DeprecationWarning)", "old ways"),
+        ("import numpy as np\nnp.float64(1) / 0", "divide by zero"),
+        (FIGURE.format(title="\U0001f40d"), "Glyph 128013"),
+    ],
+    ids=["UserWarning", "DeprecationWarning", "RuntimeWarning", "missing glyph"],
+)
+def test_a_warning_in_a_cell_fails(store, code, named):
+    path = store("1_one/1_first.ipynb", code)
+    before = path.read_bytes()
+    with pytest.raises(NotebookError, match=named):
+        in_place(path)
+    assert path.read_bytes() == before
+
+
+def test_an_error_names_notebook_cell_and_traceback(store):
+    path = store("1_one/1_first.ipynb", "a = 1", "b = a / 0")
+    with pytest.raises(NotebookError, match=r"1_one/1_first\.ipynb, code cell 2 \(id code-2\)") as caught:
+        in_place(path)
+    assert "----> 1 b = a / 0" in str(caught.value)
+    assert "ZeroDivisionError" in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("code", "named"),
+    [
+        ("import sys\nprint('psst', file=sys.stderr)", "code cell 1 .* writes to stderr:\npsst"),
+        ("import os\nos._exit(1)", "code cell 1 .*: Kernel died"),
+        ("import time\ntime.sleep(60)", "code cell 1 .*: A cell timed out"),
+    ],
+    ids=["stderr", "dead kernel", "endless cell"],
+)
+def test_what_cannot_be_stored_names_notebook_and_cell(store, code, named):
+    path = store("1_one/1_first.ipynb", code)
+    with pytest.raises(NotebookError, match=named):
+        run([path], lambda p: p, folder=path.parents[1], timeout=3)
+
+
+def test_the_map_runs_after_the_ledgers_are_written(store, tmp_path):
+    code = "import os, pathlib\nledger = pathlib.Path(os.environ['TRACKHELPERS_RESULTS'], 'row')"
+    start = store("00_start_here.ipynb", code, "ledger.read_text()")
+    other = store("1_one/1_first.ipynb", code, "_ = ledger.write_text('found')")
+    (tmp_path / "results").mkdir()
+    run([start, other], lambda p: p, folder=start.parent, results=tmp_path / "results")
+    assert nbformat.read(start, as_version=4).cells[2].outputs[0].data["text/plain"] == "'found'"
+
+
+def test_a_notebook_without_its_data_is_named_and_keeps_its_outputs(store, monkeypatch, capsys):
+    monkeypatch.setattr(datasets, "available", lambda name: False)
+    name = next(iter(NEEDS))
+    path = store(name, "1 / 0")
+    before = nbformat.read(path, as_version=4)
+    run([path], lambda p: p, folder=path.parents[1])
+    assert nbformat.read(path, as_version=4) == before
+    assert path.name in capsys.readouterr().out

@@ -1,0 +1,213 @@
+"""Chapters 1 and 2: ensembles of runs of one linear system, which share one sequence of gains.
+
+The gain of a Kalman filter does not depend on the data, so one covariance recursion serves all runs, and a step of all of them is a matrix product.
+A sequence over time has its steps on the first axis: states (N, n, M), covariances (N, n, n).
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy import stats
+
+from trackhelpers.arrays import check_array, check_covariance, congruence, inverse, matvec, symmetrised
+from trackhelpers.tables import number
+
+
+class Covariances(NamedTuple):
+    """What a Kalman filter knows before it sees any data, a step a row."""
+
+    prior: np.ndarray  # (N, n, n)
+    S: np.ndarray  # (N, m, m)
+    K: np.ndarray  # (N, n, m)
+    posterior: np.ndarray  # (N, n, n)
+
+
+class Estimates(NamedTuple):
+    """An ensemble of filtered runs."""
+
+    prior: np.ndarray  # (N, n, M)
+    innovation: np.ndarray  # (N, m, M)
+    posterior: np.ndarray  # (N, n, M)
+
+
+class Interval(NamedTuple):
+    """An average over runs and the interval of it; prints as ``0.203 [0.198, 0.208]``."""
+
+    value: float
+    low: float
+    high: float
+
+    def __str__(self):
+        return f"{number(self.value)} [{number(self.low)}, {number(self.high)}]"
+
+
+def covariances(A, H, Q, R, P0, steps, joseph=True):
+    """The recursion of the covariances and the gain, (2.10), (2.11) and the Joseph form of (2.13), which needs no data.
+
+    Parameters
+    ----------
+    A, H, Q, R : array_like, shapes (n, n), (m, n), (n, n), (m, m)
+        The constant matrices of (2.8).
+    P0 : array_like, shape (n, n)
+        Posterior covariance at step 0.
+    steps : int
+        Number N of steps, ≥ 1.
+    joseph : bool
+        False takes (2.13) as printed, which round-off can make indefinite.
+
+    Returns
+    -------
+    Covariances
+
+    Raises
+    ------
+    ValueError
+        For shapes that do not fit, a Q, R or P0 that is no covariance, ``steps`` below 1, and a singular H P⁻ Hᵀ + R.
+    """
+    A, H, Q, R = _matrices(A, H, Q, R)
+    P = check_covariance(P0, "P0", len(A))
+    rows = []
+    for _ in range(_whole(steps, "steps")):
+        prior = symmetrised(congruence(A, P)) + Q  # (2.10)
+        S = symmetrised(congruence(H, prior)) + R
+        K = prior @ H.T @ inverse(S)  # (2.11)
+        if not np.all(np.isfinite(K)):
+            raise ValueError(f"R: expected H P⁻ Hᵀ + R to be positive definite, got {S.tolist()}")
+        kept = np.eye(len(A)) - K @ H
+        P = symmetrised(congruence(kept, prior) + congruence(K, R) if joseph else kept @ prior)  # (2.13)
+        rows.append((prior, S, K, P))
+    return Covariances(*map(np.array, zip(*rows, strict=True)))
+
+
+def simulate(A, H, x0, w, v, Bu=None):
+    """Truth and measurements of M runs of (2.8).
+
+    Parameters
+    ----------
+    A, H : array_like, shapes (n, n), (m, n)
+    x0 : array_like, shape (n, M)
+        States at step 0.
+    w, v : array_like, shapes (N, n, M), (N, m, M)
+        Noise of each step; w[k−1] leads to x_k, v[k−1] is in z_k.
+    Bu : array_like, shape (N, n), optional
+        The known input's share of each step.
+
+    Returns
+    -------
+    x, z : numpy.ndarray, shapes (N, n, M), (N, m, M)
+        Steps 1 to N.
+    """
+    A, H = _transition(A), np.asarray(H, dtype=float)
+    w, v = np.asarray(w, dtype=float), np.asarray(v, dtype=float)
+    x = check_array(x0, "x0", len(A), w.shape[2:])
+    known = _inputs(Bu, w.shape)
+    truth = np.empty_like(w)
+    for k in range(len(w)):
+        x = truth[k] = A @ x + known[k] + w[k]  # (2.6)
+    return truth, np.einsum("ij,kjr->kir", H, truth) + v  # (2.7)
+
+
+def estimate(z, K, A, H, x0, Bu=None, as_printed=False):
+    """Filter M runs with given gains.
+
+    Parameters
+    ----------
+    z : array_like, shape (N, m, M)
+        Measurements.
+    K : array_like, shape (N, n, m) or (n, m)
+        The gain of each step, or a constant one.
+    A, H : array_like, shapes (n, n), (m, n)
+    x0 : array_like, shape (n,) or (n, M)
+        Estimate at step 0.
+    Bu : array_like, shape (N, n), optional
+        The known input's share of each step.
+    as_printed : bool
+        Predict by (2.9) as the thesis prints it, from the *prior* estimate of the step before.
+
+    Returns
+    -------
+    Estimates
+    """
+    A, H, z = _transition(A), np.asarray(H, dtype=float), np.asarray(z, dtype=float)
+    steps, _, runs = z.shape
+    K = np.broadcast_to(K, (steps, len(A), len(H)))
+    x = np.asarray(x0, dtype=float)
+    x = check_array(x if x.ndim == 2 else np.repeat(x[:, None], runs, axis=1), "x0", len(A), (runs,))
+    known = _inputs(Bu, (steps, len(A), runs))
+    result = Estimates(np.empty((steps, len(A), runs)), np.empty_like(z), np.empty((steps, len(A), runs)))
+    for k in range(steps):
+        prior = result.prior[k] = A @ x + known[k]  # (2.9)
+        y = result.innovation[k] = z[k] - H @ prior
+        posterior = result.posterior[k] = prior + matvec(K[k], y)  # (2.12)
+        x = prior if as_printed else posterior
+    return result
+
+
+def paired_noises(rng, shape):
+    """White noise of mean 0 and variance 1 from three distributions, made of the same uniform numbers.
+
+    Returns
+    -------
+    dict
+        ``"Gaussian"``, ``"uniform"`` and ``"Laplace"`` -> numpy.ndarray of `shape`. The three are increasing functions of each other, so that
+        differences between runs that differ only in the distribution are small.
+    """
+    chance = rng.random(shape)
+    families = {
+        "Gaussian": stats.norm(),
+        "uniform": stats.uniform(-np.sqrt(3), 2 * np.sqrt(3)),
+        "Laplace": stats.laplace(scale=np.sqrt(0.5)),
+    }
+    return {name: family.ppf(chance) for name, family in families.items()}
+
+
+def mean_interval(samples, level=0.95):
+    """Mean of one value a run, samples (M,), with its interval for many runs (normal distribution of the mean); returns `Interval`."""
+    samples = _samples(samples, "samples")
+    half = stats.norm.ppf(0.5 + level / 2) * samples.std(ddof=1) / np.sqrt(samples.size)
+    mean = samples.mean()
+    return Interval(float(mean), float(mean - half), float(mean + half))
+
+
+def ratio_interval(numerator, denominator, level=0.95):
+    """Ratio of two means over the same M runs, both (M,) and paired, with its interval by the delta method; returns `Interval`."""
+    numerator, denominator = _samples(numerator, "numerator"), _samples(denominator, "denominator")
+    if numerator.shape != denominator.shape:
+        raise ValueError(f"denominator: expected the {numerator.size} runs of the numerator, got {denominator.size}")
+    ratio = numerator.mean() / denominator.mean()
+    _, low, high = mean_interval((numerator - ratio * denominator) / denominator.mean(), level)
+    return Interval(float(ratio), float(ratio + low), float(ratio + high))
+
+
+def _samples(values, name):
+    values = np.asarray(values, dtype=float)
+    if values.ndim != 1 or values.size < 2 or not np.all(np.isfinite(values)):
+        raise ValueError(f"{name}: expected two or more finite numbers, one a run, got shape {values.shape}")
+    return values
+
+
+def _whole(value, name):
+    if value != int(value) or value < 1:
+        raise ValueError(f"{name}: expected a whole number ≥ 1, got {value!r}")
+    return int(value)
+
+
+def _transition(A):
+    A = np.asarray(A, dtype=float)
+    if A.ndim != 2 or A.shape[0] != A.shape[1]:
+        raise ValueError(f"A: expected a square matrix, got shape {A.shape}")
+    return A
+
+
+def _matrices(A, H, Q, R):
+    A, H = _transition(A), np.asarray(H, dtype=float)
+    if H.ndim != 2 or H.shape[1] != len(A):
+        raise ValueError(f"H: expected shape (m, {len(A)}), got {H.shape}")
+    return A, H, check_covariance(Q, "Q", len(A)), check_covariance(R, "R", len(H))
+
+
+def _inputs(Bu, shape):
+    steps, n, _ = shape
+    if Bu is None:
+        return np.zeros((steps, n, 1))
+    return check_array(Bu, "Bu", steps, (n,))[:, :, None]

@@ -1,0 +1,168 @@
+"""Section 4.2's Table 5: filter states that the thesis printed without their source, found again on a public lidar/radar log.
+
+The log is a table as `trackhelpers.datasets.lidar_radar_log` returns it; the sensors, the models and the filters are the project's own.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from trackhelpers import angles
+from trackhelpers.arrays import check_dt, congruence, mahalanobis
+from trackhelpers.filters import MotionEKF
+from trackhelpers.motion import CTRV
+from trackhelpers.sensors import Lidar, Radar
+
+T = 0.05  # s, from one sample of the log to the next
+SIGMA_A, SIGMA_W = 2.0, 0.3  # m/s², rad/s²
+ROWS = slice(18, 27)  # of the 500 samples, those that Table 5 prints: t = 0.90 … 1.30 s
+
+
+class Track(NamedTuple):
+    """What a filter made of the log; N samples on the last axis."""
+
+    x: np.ndarray  # (n, N) estimate after each sample
+    P: np.ndarray  # (n, n, N) its covariance
+    y: np.ndarray  # (3, N) innovation, NaN where there is none
+    nis: np.ndarray  # (N,) normalised innovation squared, NaN where nothing was measured
+
+
+class ProgramEKF(MotionEKF):
+    """The extended Kalman filter of the thesis's program, as the digits of Table 5 give it away.
+
+    It differs from `MotionEKF` in three things that the thesis does not say; each keyword can put one of them right.
+
+    Parameters
+    ----------
+    model, x0, P0
+        As for `MotionEKF`. The program's own model is ``errata.PrintedCTRV(2.0, 0.3, errors=["3.11"])``.
+    late_F, late_Q : bool
+        Take F, and Q, at the predicted state instead of the state before the step.
+    step, noise_step : float or None
+        A constant time step of f and F, and of Q, in s; None takes the one passed to `predict`.
+    """
+
+    def __init__(self, model, x0, P0, late_F=True, late_Q=True, step=T, noise_step=None):
+        super().__init__(model, x0, P0)
+        self.late_F, self.late_Q = late_F, late_Q
+        self.step = None if step is None else check_dt(step, "step")
+        self.noise_step = None if noise_step is None else check_dt(noise_step, "noise_step")
+
+    def predict(self, dt):
+        """Predict over `dt` seconds, dt ≥ 0."""
+        dt = check_dt(dt)
+        step, noise_step = (dt if fixed is None else fixed for fixed in (self.step, self.noise_step))
+        before = self.x
+        after = angles.wrap_components(self.model.f(before, step), self.model.angles)
+        self.F = self.model.F(after if self.late_F else before, step)
+        self.Q = self.model.Q(after if self.late_Q else before, noise_step)
+        self.x, self.P = after, congruence(self.F, self.P) + self.Q
+        self.x_prior, self.P_prior = self.x.copy(), self.P.copy()
+
+
+class PrintedRadar(Radar):
+    """The radar with the range rate that the thesis prints, (v_x + v_y)/ρ, and that range rate's own derivatives.
+
+    Parameters
+    ----------
+    sigma, state
+        As for `Radar`; the state holds v and θ.
+    """
+
+    def _h(self, x):
+        _, _, rho, vx, vy = self._parts(x)
+        return [*super()._h(x)[:2], (vx + vy) / rho]
+
+    def _entries(self, x):
+        px, py, rho, vx, vy = self._parts(x)
+        (i, j), (k, l) = self._position, self._velocity
+        c, s = np.cos(x[l]), np.sin(x[l])
+        third = {i: -px * (vx + vy) / rho**3, j: -py * (vx + vy) / rho**3, k: (c + s) / rho, l: x[k] * (c - s) / rho}
+        return super()._entries(x) | {(2, column): value for column, value in third.items()}
+
+
+def truth(log):
+    """The log's own truth as CTRV states.
+
+    Returns
+    -------
+    numpy.ndarray, shape (5, N)
+        (x, y, v, θ, ω) in m, m/s, rad, rad/s, with v = √(vx² + vy²); θ runs on beyond π as it does in the log.
+    """
+    return np.stack([log.x, log.y, np.hypot(log.vx, log.vy), log.yaw, log.yaw_rate])
+
+
+def velocity_errors(log, x):
+    """Errors (4, N) of x, y, v_x, v_y of the estimates `x` (5, N), in m and m/s: the components whose RMSE the log's course asks for."""
+    ours = np.stack([x[0], x[1], x[2] * np.cos(x[3]), x[2] * np.sin(x[3])])
+    return ours - log[["x", "y", "vx", "vy"]].to_numpy().T
+
+
+def track(log, model=None, filter=MotionEKF, lidar=None, radar=None, use=None, first_again=True):
+    """Filter the log from the thesis's start: the first lidar point with v = θ = ω = 0, and P0 = I.
+
+    Parameters
+    ----------
+    log : pandas.DataFrame
+        As `trackhelpers.datasets.lidar_radar_log` returns it, or its first rows.
+    model : trackhelpers.motion.Model, optional
+        Default: ``CTRV(2.0, 0.3)``.
+    filter : callable
+        ``filter(model, x0, P0)`` gives the filter.
+    lidar, radar : trackhelpers.sensors.Sensor, optional
+        Default: ``Lidar(0.15)`` and ``Radar((0.3, 0.03, 0.3))``.
+    use : array_like of bool, shape (N,), optional
+        Which measurements arrive; the others are missing, and the prediction stands in their place.
+    first_again : bool
+        Whether the first measurement, which gives the start, is also used as a measurement, after a prediction over 0 s.
+
+    Returns
+    -------
+    Track
+
+    Raises
+    ------
+    ValueError
+        For a log that does not begin with a lidar point, or a `use` of another shape.
+    """
+    use = np.ones(len(log), dtype=bool) if use is None else np.asarray(use)
+    if use.shape != (len(log),) or use.dtype != bool:
+        raise ValueError(f"use: expected {len(log)} truth values, one a sample, got shape {use.shape} and dtype {use.dtype}")
+    if len(log) == 0 or log.sensor.iloc[0] != "L":
+        raise ValueError(f"log: expected one that begins with a lidar point, got {'no row' if len(log) == 0 else log.sensor.iloc[0]!r}")
+    sensors = {"L": Lidar() if lidar is None else lidar, "R": Radar() if radar is None else radar}
+    zs = log[["z1", "z2", "z3"]].to_numpy()
+    kf = filter(CTRV(SIGMA_A, SIGMA_W) if model is None else model, [*zs[0, :2], 0, 0, 0], np.eye(5))
+    result = Track(np.empty((5, len(log))), np.empty((5, 5, len(log))), np.full((3, len(log)), np.nan), np.full(len(log), np.nan))
+    steps = np.diff(log.t, prepend=log.t.iloc[0])
+    for k, (name, dt) in enumerate(zip(log.sensor, steps, strict=True)):
+        if k > 0 or first_again:
+            kf.predict(dt)
+            sensor = sensors[name]
+            kf.update(zs[k, : sensor.m] if use[k] else None, sensor)
+            if use[k]:
+                result.y[: sensor.m, k], result.nis[k] = kf.y, mahalanobis(kf.y, kf.S)
+        result.x[:, k], result.P[:, :, k] = kf.x, kf.P
+    return result
+
+
+def window_deviations(x, table):
+    """Largest deviation of `table` from every run of consecutive states.
+
+    Parameters
+    ----------
+    x : array_like, shape (n, N)
+        States.
+    table : array_like, shape (r, n)
+        Printed rows, r ≤ N.
+
+    Returns
+    -------
+    numpy.ndarray, shape (N − r + 1,)
+        Entry i is the largest |x − table| over all components of samples i, …, i + r − 1.
+    """
+    x, table = np.asarray(x, dtype=float), np.asarray(table, dtype=float)
+    if x.ndim != 2 or table.ndim != 2 or table.shape[1] != len(x) or len(table) > x.shape[1]:
+        raise ValueError(f"table: expected shape (r, n) with r ≤ N for x of shape (n, N), got {table.shape} for {x.shape}")
+    windows = np.lib.stride_tricks.sliding_window_view(x, len(table), axis=1)  # (n, N − r + 1, r)
+    return np.max(np.abs(windows - table.T[:, None, :]), axis=(0, 2))

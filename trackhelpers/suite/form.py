@@ -1,0 +1,56 @@
+"""The one form in which notebooks are stored: equal content gives equal bytes."""
+
+import os
+import re
+from pathlib import Path
+
+import nbformat
+
+# No version of Python or of a package in it: those change without the notebook changing.
+METADATA = {
+    "kernelspec": {"display_name": "Python 3", "language": "python", "name": "python3"},
+    "language_info": {"file_extension": ".py", "mimetype": "text/x-python", "name": "python", "pygments_lexer": "ipython3"},
+}
+VOLATILE = ("ExecuteTime", "collapsed", "execution", "scrolled", "trusted")
+ADDRESS = re.compile(r"\bat 0x[0-9A-Fa-f]+")
+WIDGET = "application/vnd.jupyter.widget-view+json"
+
+
+def normalise(notebook):
+    """Bring an executed notebook into the stored form, in place, and return it.
+
+    Cell ids, tags and outputs stay. Execution times, widget views (their ids are random), the addresses in ``<object at 0x…>`` and
+    everything in the notebook's metadata but kernel and language go; execution counts run from 1.
+    """
+    notebook.metadata = nbformat.from_dict(METADATA)
+    code = [cell for cell in notebook.cells if cell.cell_type == "code"]
+    for cell in notebook.cells:
+        for name in VOLATILE:
+            cell.metadata.pop(name, None)
+    for count, cell in enumerate(code, start=1):
+        cell.execution_count = count
+        for output in cell.outputs:
+            if output.output_type == "execute_result":
+                output.execution_count = count
+            if output.output_type == "stream":
+                output.text = ADDRESS.sub("at 0x0", output.text)
+            data = output.get("data", {})
+            data.pop(WIDGET, None)
+            for kind in [k for k in data if k.startswith("text/")]:
+                data[kind] = ADDRESS.sub("at 0x0", data[kind])
+    return notebook
+
+
+def dumps(notebook):
+    """Return the text of the notebook's file, which ends in a newline; an invalid notebook raises nbformat's ValidationError."""
+    nbformat.validate(notebook)
+    return nbformat.writes(notebook, version=nbformat.NO_CONVERT).rstrip("\n") + "\n"
+
+
+def write(notebook, path):
+    """Write the notebook to `path` at once or not at all, so that a run broken off leaves the old file."""
+    path = Path(path)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    part = path.with_name(path.name + ".part")
+    part.write_text(dumps(notebook), encoding="utf-8")
+    os.replace(part, path)

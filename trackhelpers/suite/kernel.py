@@ -1,0 +1,65 @@
+"""The kernel in which the suite and the tests run notebooks: this interpreter, warnings as errors, nothing of the user's own settings."""
+
+import os
+import tempfile
+from contextlib import contextmanager
+from pathlib import Path
+
+from ipykernel.kernelspec import write_kernel_spec
+
+# Runs in the kernel before the first cell, after the kernel's own imports. Other packages' deprecations are theirs to mend, and an
+# unclosed file is reported where it happens to be collected, in no cell in particular: both keep Python's own handling.
+STARTUP = """\
+import warnings
+
+warnings.simplefilter("error")
+for category in (DeprecationWarning, PendingDeprecationWarning, ResourceWarning):
+    warnings.simplefilter("ignore", category)
+for category in (DeprecationWarning, PendingDeprecationWarning):
+    warnings.filterwarnings("error", category=category, module=r"(__main__|trackhelpers)\\b")
+del warnings, category
+"""
+
+ENVIRONMENT = {
+    "MPLBACKEND": "module://matplotlib_inline.backend_inline",
+    "OMP_NUM_THREADS": "1",  # two notebooks run at a time
+    "OPENBLAS_NUM_THREADS": "1",
+    "PYTHONHASHSEED": "0",
+    "TQDM_DISABLE": "1",  # a progress bar in stored output would never repeat
+}
+
+# No history, which two kernels would share, and no remark on talking unencrypted, which stays on this machine.
+ARGUMENTS = ["--HistoryManager.enabled=False", "--IPKernelApp.log_level=ERROR"]
+
+
+@contextmanager
+def strict_kernels(results=None):
+    """Make ``python3`` mean the strict kernel wherever this process, or a child of it, starts a kernel.
+
+    Parameters
+    ----------
+    results : path or None
+        Folder the notebooks' ledgers go to (TRACKHELPERS_RESULTS); None leaves the variable as it is.
+    """
+    with tempfile.TemporaryDirectory(prefix="trackhelpers-") as folder:
+        folder = Path(folder)
+        profile = folder / "ipython" / "profile_default" / "startup"
+        profile.mkdir(parents=True)
+        (profile / "00-warnings.py").write_text(STARTUP, encoding="utf-8")
+        (folder / "matplotlibrc").touch()
+        env = ENVIRONMENT | {"IPYTHONDIR": str(folder / "ipython"), "MATPLOTLIBRC": str(folder / "matplotlibrc")}
+        # argv names sys.executable in full, so no kernel registered elsewhere is taken, and a space in its path does no harm.
+        write_kernel_spec(folder / "kernels" / "python3", overrides={"env": env}, extra_arguments=ARGUMENTS)
+        changed = {"JUPYTER_PATH": os.pathsep.join(filter(None, [str(folder), os.environ.get("JUPYTER_PATH")]))}
+        if results is not None:
+            changed["TRACKHELPERS_RESULTS"] = str(Path(results).resolve())
+        before = {name: os.environ.get(name) for name in changed}
+        os.environ.update(changed)
+        try:
+            yield
+        finally:
+            for name, value in before.items():
+                if value is None:
+                    del os.environ[name]
+                else:
+                    os.environ[name] = value
