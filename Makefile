@@ -25,8 +25,8 @@ $(READY): environment.txt pyproject.toml
 book: $(READY)  ## run every notebook afresh and build the web book, which needs no network to be read
 	@$(RUN) -m trackhelpers.suite book
 
-lab: $(READY)  ## open the notebooks in JupyterLab
-	@$(RUN) -m jupyterlab --notebook-dir=notebooks
+lab: $(READY)  ## open the notebooks in JupyterLab (LAB= takes its options, --no-browser for one)
+	@$(RUN) -m jupyterlab --notebook-dir=notebooks $(LAB)
 
 test: $(READY)  ## lint code and notebooks, run the unit tests, compare every notebook's outputs with a fresh run
 	$(RUN) -m ruff check .

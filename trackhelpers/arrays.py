@@ -6,6 +6,8 @@ With the runs last each operation is a plain loop over a few components whose ev
 
 import numpy as np
 
+from trackhelpers import compiled
+
 
 def matmul(A, B):
     """Matrix product of (p, q, ...) and (q, r, ...): shape (p, r, ...)."""
@@ -73,6 +75,8 @@ def inverse(P):
 
 def mahalanobis(y, S):
     """yᵀS⁻¹y for y (m, ...) and S (m, m, ...), by symmetric elimination; NaN where S is not positive definite."""
+    if compiled.serves(S) and y.shape == S.shape[1:]:
+        return compiled.mahalanobis(np.ascontiguousarray(y), np.ascontiguousarray(S))
     A = np.array(S, dtype=float)
     w = list(y)
     total = 0.0

@@ -5,7 +5,7 @@ import os
 import pytest
 
 from trackhelpers.ledger import COLUMNS, VERDICTS, Ledger, compare, files, read_ledger, summary, summary_markdown
-from trackhelpers.ledger.readme import END, START, in_step, main, with_summary
+from trackhelpers.ledger.readme import END, START, in_step, with_summary
 
 
 def write(folder, monkeypatch, notebook="2_kalman_filter", ours=1.0, note="", residual=2e-16, ids=("cell", "equation")):
@@ -137,18 +137,14 @@ def test_compare_reports_missing_files_from_both_sides_unless_excluded(folders, 
     assert compare(*folders, exclude={"1_thesis/2_kalman_filter", "1_thesis/3_motion_models"}) == []
 
 
-def test_readme_is_rewritten_between_its_marks_only_and_then_in_step(folders, monkeypatch, capsys, tmp_path):
+def test_the_summary_goes_between_the_marks_only_and_is_then_in_step(folders, monkeypatch):
     write(folders[0], monkeypatch)
-    readme = tmp_path / "README.md"
-    readme.write_text(f"before\n{START}\nold\n{END}\nafter\n", encoding="utf-8")
-    assert main(["check"], readme, folders[0]) == 1
-    assert "out of step" in capsys.readouterr().out
-    assert main(["readme"], readme, folders[0]) == 0
-    assert main(["check"], readme, folders[0]) == 0
-    text, ledger = readme.read_text(encoding="utf-8"), read_ledger(folders[0])
+    ledger = read_ledger(folders[0])
+    old = f"before\n{START}\nold\n{END}\nafter\n"
+    assert not in_step(old, ledger)
+    text = with_summary(old, ledger)
     assert text == f"before\n{START}\n\n{summary_markdown(ledger)}\n{END}\nafter\n"
     assert in_step(text, ledger) and not in_step(text.replace("| 2 |", "| 3 |"), ledger)
-    assert main(["polish"], readme, folders[0]) == 2
 
 
 @pytest.mark.parametrize("text", ["no marks", START, f"{END} {START}", f"{START} {START} {END}", f"{START} {END} {END}"])

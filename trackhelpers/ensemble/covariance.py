@@ -6,6 +6,7 @@ H has a few entries, and K has as many columns as the sensor has components.
 
 import numpy as np
 
+from trackhelpers import compiled
 from trackhelpers.arrays import cholesky, congruence, matmul, solve_lower
 
 
@@ -25,12 +26,16 @@ def propagate(P, transition, noise):
     numpy.ndarray, shape (n, n, M)
         Exactly symmetric.
     """
+    difference = {(i, j): value - 1 if i == j else value for (i, j), value in transition.items()}  # F − I
+    if compiled.serves(P):
+        runs = P.shape[2]
+        return compiled.propagate(P, *compiled.stacked(difference, runs), *compiled.stacked(noise, runs))
     half = P.copy()
-    for (i, j), value in transition.items():
-        half[i] += (value - 1 if i == j else value) * P[j]
+    for (i, j), value in difference.items():
+        half[i] += value * P[j]
     whole = half.copy()
-    for (i, j), value in transition.items():
-        whole[:, i] += (value - 1 if i == j else value) * half[:, j]
+    for (i, j), value in difference.items():
+        whole[:, i] += value * half[:, j]
     for (i, j), value in noise.items():
         whole[i, j] += value
         if i != j:
@@ -73,6 +78,8 @@ def correct(P, entries, R):
     K (n, m, M), S (m, m, M), P (n, n, M) : numpy.ndarray
         NaN in the runs whose S is not positive definite.
     """
+    if compiled.serves(P):
+        return compiled.correct(P, *compiled.stacked(entries, P.shape[2]), R)
     n, m = len(P), len(R)
     PHt = apply_right(P, entries, m)
     S = np.zeros((m, m, *P.shape[2:]))

@@ -1,8 +1,8 @@
 """The README's summary of the ledger, generated from the committed files."""
 
-from .files import committed_folder, read_ledger, summary_markdown
+from .files import summary_markdown
 
-__all__ = ["in_step", "main", "with_summary"]
+__all__ = ["in_step", "with_summary"]
 
 START, END = "<!-- ledger:start -->", "<!-- ledger:end -->"
 
@@ -25,19 +25,3 @@ def with_summary(text, ledger):
 def in_step(text, ledger):
     """Return whether the block of a README's `text` is the summary of `ledger`."""
     return with_summary(text, ledger) == text
-
-
-def main(arguments, readme=None, folder=None):
-    """Rewrite the README's block (``readme``) or see whether it is in step (``check``); return the exit status."""
-    if list(arguments) not in (["readme"], ["check"]):
-        print("usage: python -m trackhelpers.ledger readme|check")
-        return 2
-    readme = committed_folder().parents[1] / "README.md" if readme is None else readme
-    text, ledger = readme.read_text(encoding="utf-8"), read_ledger(folder)
-    if in_step(text, ledger):
-        return 0
-    if list(arguments) == ["check"]:
-        print(f"{readme.name} is out of step with the ledger: run python -m trackhelpers.ledger readme")
-        return 1
-    readme.write_text(with_summary(text, ledger), encoding="utf-8", newline="\n")
-    return 0

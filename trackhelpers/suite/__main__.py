@@ -1,10 +1,10 @@
-"""Command line of the suite: ``python -m trackhelpers.suite refresh [notebook …]`` and ``python -m trackhelpers.suite book``."""
+"""Command line of the suite: ``python -m trackhelpers.suite refresh [notebook …]``, ``… readme`` and ``… book``."""
 
 import argparse
 import sys
 from pathlib import Path
 
-from trackhelpers.suite import NOTEBOOKS, book, notebooks
+from trackhelpers.suite import NOTEBOOKS, book, notebooks, readme
 from trackhelpers.suite.run import NotebookError, run
 
 
@@ -14,17 +14,22 @@ def main(arguments=None):
     commands = parser.add_subparsers(dest="command", required=True)
     refresh = commands.add_parser("refresh", help="run notebooks in place and store them normalised")
     refresh.add_argument("notebook", nargs="*", type=Path, help="notebooks to run (all of them if none is named)")
+    commands.add_parser("readme", help="bring the README's summary and figure in step with the stored notebooks")
     commands.add_parser("book", help="run every notebook afresh and build the web book")
     options = parser.parse_args(arguments)
     try:
         if options.command == "book":
             print(f"The book is built, open {book.build()}")
+        elif options.command == "readme":
+            readme.write()
         else:
             named = [path.resolve() for path in options.notebook]
             for path in named:
                 if not path.is_relative_to(NOTEBOOKS):
                     parser.error(f"{path} does not lie below {NOTEBOOKS}")
             run(named or notebooks(), lambda path: path)
+            if not named:
+                readme.write()
     except (NotebookError, FileNotFoundError, RuntimeError) as error:
         print(f"\n{error}", file=sys.stderr)
         return 1

@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from trackhelpers.arrays import check_array
 from trackhelpers.consistency import nees, nis
 from trackhelpers.ensemble import EnsembleEKF, monte_carlo
 from trackhelpers.motion import CTRV, PolarCA
@@ -20,12 +21,6 @@ FAR = 10.0  # m: a run that ends farther from the truth is lost
 LIDAR_ALONE = 0.15 * np.sqrt(2)  # m: distance error (RMS) of a lidar sample that nobody filters
 EVERY = 5  # samples from one value of NEES and NIS to the next; odd, so that both sensors take part
 START_SIGMA = {"Φ": 0.3, "c": 0.1}  # rad, 1/m: spread of the start in what the thesis has no number for; 1 for the rest, its P0 = I
-
-
-def transition_34(x, dt):
-    """(3.4): state (x, y, θ, v)."""
-    px, py, heading, v = x
-    return np.stack([px + v * np.cos(heading) * dt, py + v * np.sin(heading) * dt, heading, v])
 
 
 def transition_36(x, dt):
@@ -116,7 +111,7 @@ def _identity(w):
 def driven(x, dt, mu):
     """CTRV's state (5, ...) after `dt` seconds under a constant acceleration mu[0] and yaw acceleration mu[1]: what (3.12) approximates.
 
-    The differential equation itself, integrated along the arc by quadrature, in no step of which the noise is assumed small.
+    The differential equation itself, integrated along the arc by quadrature; nothing in it is assumed small.
     """
     px, py, v, heading, w = np.broadcast_arrays(*np.asarray(x, dtype=float), *mu)[:5]
     a, alpha = mu
@@ -231,7 +226,9 @@ def compare(models, runs=1000, seed=0, start=None, track=None):
     -------
     dict of str -> Outcome
     """
-    track = lidar_radar.truth() if track is None else track
+    track = lidar_radar.truth() if track is None else check_array(track, "track", 5)
+    if track.ndim != 2 or track.shape[1] < EVERY:
+        raise ValueError(f"track: expected shape (5, N) with N ≥ {EVERY} samples, got {track.shape}")
 
     def task(rngs):
         zs = lidar_radar.measurements(rngs, track=track)
