@@ -19,3 +19,5 @@ html_title = project
 html_theme_options = {"home_page_in_toc": True, "navigation_with_keys": False, "navbar_persistent": [], "show_toc_level": 2}
 html_show_copyright = False
 html_show_sphinx = False
+html_static_path = ["_static"]
+html_css_files = ["wide.css"]

@@ -86,7 +86,8 @@ def test_any_trailing_axes_equal_one_target_at_a_time(model):
 @pytest.mark.parametrize("model", MODELS, ids=identify)
 def test_linearised_entries_fill_up_to_F_and_Q(model):
     X, dt = np.random.default_rng(3).normal(size=(model.n, 4)), 0.7
-    transition, noise = model.linearised(X, dt)
+    f, transition, noise = model.linearised(X, dt)
+    np.testing.assert_array_equal(f, model.f(X, dt))
     F = np.repeat(np.eye(model.n)[..., None], 4, axis=2)
     Q = np.zeros((model.n, model.n, 4))
     for index, value in transition.items():

@@ -128,12 +128,14 @@ class EnsembleEKF(_Ensemble):
         dt = check_dt(dt)
         with np.errstate(**_QUIET):
             if self.model.checked:
-                self.P = propagate(self.P, *self.model.linearised(self.x, dt))
+                x, transition, noise = self.model.linearised(self.x, dt)
+                self.P = propagate(self.P, transition, noise)
             else:
                 self.P = congruence(self.model.F(self.x, dt), self.P) + self.model.Q(self.x, dt)
-            self.x = self.model.f(self.x, dt)
+                x = self.model.f(self.x, dt)
         for i in self.model.angles:
-            self.x[i] = angles.wrap(self.x[i])
+            x[i] = angles.wrap(x[i])
+        self.x = x
 
     def _corrected(self, x, P, z, sensor):
         if self.model.checked:

@@ -2,9 +2,11 @@
 
 import os
 import warnings
+from collections import deque
 from concurrent.futures import BrokenExecutor, CancelledError
 from contextlib import closing
 from functools import partial
+from itertools import islice
 
 import numpy as np
 from joblib import Parallel, delayed
@@ -13,6 +15,7 @@ from tqdm.auto import tqdm
 
 _FOLDS = {"sum": np.add, "min": np.minimum, "max": np.maximum}
 _REDUCERS = (*_FOLDS, "concat")
+_ON_CLUSTER = 256  # chunks that a cluster holds at a time
 
 
 def standard_normal(rngs, shape):
@@ -160,7 +163,7 @@ def _chunks(task, root, starts, runs, n_jobs):
         return
     stream = Parallel(n_jobs=n_jobs, return_as="generator")(delayed(_run_chunk)(task, root, first, last) for first, last in parcels)
     try:
-        for part in stream:  # no `yield from`: it would close the stream before the warning is silenced
+        for part in stream:  # noqa: UP028  `yield from` would close the stream before the warning is silenced
             yield part
     finally:
         with warnings.catch_warnings():
@@ -172,14 +175,15 @@ def _chunks_of_dask(client, task, root, parcels):
     # joblib's own dask backend (1.6) waits for ever for a chunk whose worker was killed; the cluster's futures tell
     from distributed import KilledWorker
 
-    firsts, lasts = zip(*parcels, strict=True)
-    waiting = client.map(partial(_run_chunk, task, root), firsts, lasts, pure=False)[::-1]
+    submitted = (client.submit(partial(_run_chunk, task, root), *parcel, pure=False) for parcel in parcels)
+    waiting = deque(islice(submitted, _ON_CLUSTER))
     try:
         while waiting:
-            part = waiting[-1].result()
-            waiting.pop()  # forgotten here, the cluster forgets it, too
+            part = waiting[0].result()
+            waiting.popleft()  # forgotten here, the cluster forgets it, too
+            waiting.extend(islice(submitted, 1))
             yield part
     except (KilledWorker, CancelledError) as error:
         raise BrokenExecutor(str(error)) from error
     finally:
-        client.cancel(waiting)
+        client.cancel(list(waiting))

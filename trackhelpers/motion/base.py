@@ -9,7 +9,8 @@ class Model:
     """A motion model x(t+dt) = f(x, dt) + G(x, dt) u, with white inputs u of standard deviations σ that are constant within a step.
 
     A subclass names its state and writes down, for a state x (n, ...) and a step dt, the rows of f (`_rows`), the entries of F that differ from the
-    identity (`_jacobian`) and the entries of G (`_gain`, straight line; `_arc_gain`, along the arc). The dense arrays are made here, once for all.
+    identity (`_jacobian`) and the entries of G (`_gain`, straight line; `_arc_gain`, along the arc); what these share, sines and cosines above all, it
+    computes in `_arc`. The dense arrays are made here, once for all.
 
     Parameters
     ----------
@@ -70,18 +71,17 @@ class Model:
             A first axis that is not n, a state (n,) that is not finite, a negative dt.
         """
         x, dt = self._arguments(x, dt)
-        return np.stack(np.broadcast_arrays(*self._rows(x, dt)))
+        return np.stack(np.broadcast_arrays(*self._rows(x, dt, self._arc(x, dt, 0))))
 
     def F(self, x, dt):
         """Jacobian ∂f/∂x at `x`, shape (n, n, ...); arguments as for `f`."""
         x, dt = self._arguments(x, dt)
-        return self._dense(self._jacobian(x, dt), x, np.eye(self.n))
+        return self._dense(self._jacobian(x, dt, self._arc(x, dt, 1)), x, np.eye(self.n))
 
     def G(self, x, dt):
         """How inputs that are constant within the step reach the state: shape (n, q, ...), one column an input; arguments as for `f`."""
         x, dt = self._arguments(x, dt)
-        gain = self._arc_gain if self.noise == "exact" else self._gain
-        return self._dense(gain(x, dt), x, np.zeros((self.n, len(self.sigmas))))
+        return self._dense(self._chosen_gain(x, dt, self._arc(x, dt, 2)), x, np.zeros((self.n, len(self.sigmas))))
 
     def Q(self, x, dt):
         """Process noise covariance G diag(σ²) Gᵀ at the state before the step, shape (n, n, ...); arguments as for `f`."""
@@ -92,25 +92,29 @@ class Model:
         return np.einsum("ij...,j,kj...->ik...", G, np.square(self.sigmas), G)
 
     def linearised(self, x, dt):
-        """F and Q by their entries: what the ensemble filters multiply with, trivial entries left out. Arguments as for `f`.
+        """f, F and Q in one go, the matrices by their entries: what the ensemble filters multiply with. Arguments as for `f`.
 
         Returns
         -------
+        f : numpy.ndarray, shape (n, ...)
         transition : dict (i, j) -> number or array (...)
             Entries by which F differs from the identity.
         noise : dict (i, j) -> number or array (...)
             Entries of Q on and below the diagonal that are not zero.
         """
         x, dt = self._arguments(x, dt)
+        arc = self._arc(x, dt, 2 if self.noise == "exact" else 1)
+        f = np.stack(np.broadcast_arrays(*self._rows(x, dt, arc)))
+        transition = self._jacobian(x, dt, arc)
         if self._Q is not None:
-            return self._jacobian(x, dt), {(i, j): self._Q[i, j] for i, j in zip(*np.nonzero(np.tril(self._Q)), strict=True)}
-        gain = (self._arc_gain if self.noise == "exact" else self._gain)(x, dt)
+            return f, transition, {(i, j): self._Q[i, j] for i, j in zip(*np.nonzero(np.tril(self._Q)), strict=True)}
+        scaled = {(i, q): self.sigmas[q] * value for (i, q), value in self._chosen_gain(x, dt, arc).items()}
         noise = {}
-        for (i, q), a in gain.items():
-            for (j, r), b in gain.items():
+        for (i, q), a in scaled.items():
+            for (j, r), b in scaled.items():
                 if q == r and j <= i:
-                    noise[i, j] = noise.get((i, j), 0) + self.sigmas[q] ** 2 * a * b
-        return self._jacobian(x, dt), noise
+                    noise[i, j] = noise[i, j] + a * b if (i, j) in noise else a * b
+        return f, transition, noise
 
     def _arguments(self, x, dt):
         return check_array(x, "x", self.n), check_dt(dt)
@@ -123,16 +127,23 @@ class Model:
             matrix[index] = value
         return matrix
 
-    def _rows(self, x, dt):
+    def _chosen_gain(self, x, dt, arc):
+        return (self._arc_gain if self.noise == "exact" else self._gain)(x, dt, arc)
+
+    def _arc(self, x, dt, order):
+        """What the hooks below share, computed once a step: `order` 0 serves `_rows`, 1 `_jacobian` too, 2 also `_arc_gain`."""
+        return None
+
+    def _rows(self, x, dt, arc):
         raise NotImplementedError
 
-    def _jacobian(self, x, dt):
+    def _jacobian(self, x, dt, arc):
         raise NotImplementedError
 
-    def _gain(self, x, dt):
+    def _gain(self, x, dt, arc):
         raise NotImplementedError
 
-    def _arc_gain(self, x, dt):
+    def _arc_gain(self, x, dt, arc):
         raise NotImplementedError
 
 

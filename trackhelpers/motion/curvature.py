@@ -4,11 +4,26 @@ The curvature c, 1/m, is a state (CCA) or follows from the steering angle Φ of 
 s = vT + ½aT² the heading turns by cs, whatever the speed did meanwhile, so p' = p + s e^{iθ} E₀(cs).
 """
 
+from typing import NamedTuple
+
 import numpy as np
 
 from trackhelpers.arrays import check_scale
 from trackhelpers.motion.arc import integrate_along_arc, turn_integrals, unit
 from trackhelpers.motion.base import Model, pair
+
+
+class _Way(NamedTuple):
+    """What f, F and G share: the state's parts, the way s, the direction e^{iθ} it starts in, and the integrals along the arc."""
+
+    v: np.ndarray
+    heading: np.ndarray
+    a: np.ndarray  # 0 where the model has none
+    c: np.ndarray
+    slope: np.ndarray  # dc/d(column 4)
+    s: np.ndarray
+    u: np.ndarray
+    E: list
 
 
 class _Curvature(Model):
@@ -17,47 +32,42 @@ class _Curvature(Model):
     def _curve(self, x):
         raise NotImplementedError
 
-    def _motion(self, x):
-        """v, θ, c, dc/d(column 4) and a (0 where the model has none)."""
+    def _arc(self, x, dt, order):
+        v, heading, a = x[2], x[3], x[5] if self.n == 6 else np.zeros_like(x[2])
         c, slope = self._curve(x)
-        return x[2], x[3], c, slope, x[5] if self.n == 6 else np.zeros_like(x[2])
-
-    def _rows(self, x, dt):
-        v, heading, c, _, a = self._motion(x)
         s = v * dt + a * dt**2 / 2
-        (E0,) = turn_integrals(c * s, 0)
-        step = s * unit(heading) * E0
-        return x[0] + step.real, x[1] + step.imag, v + a * dt, heading + c * s, *x[4:]
+        return _Way(v, heading, a, c, slope, s, unit(heading), turn_integrals(c * s, min(order, 1)))
 
-    def _jacobian(self, x, dt):
-        v, heading, c, slope, a = self._motion(x)
-        s = v * dt + a * dt**2 / 2
-        E0, E1 = turn_integrals(c * s, 1)
-        u = unit(heading)
-        end = unit(heading + c * s)  # ∂p'/∂s: the last bit of way points along the last heading
-        entries = pair(2, dt * end) | pair(3, 1j * s * u * E0) | pair(4, 1j * slope * s**2 * u * E1) | {(3, 2): c * dt, (3, 4): slope * s}
+    def _rows(self, x, dt, way):
+        step = way.s * way.u * way.E[0]
+        return x[0] + step.real, x[1] + step.imag, way.v + way.a * dt, way.heading + way.c * way.s, *x[4:]
+
+    def _jacobian(self, x, dt, way):
+        end = unit(way.heading + way.c * way.s)  # ∂p'/∂s: the last bit of way points along the last heading
+        d_curve = 1j * way.slope * way.s**2 * way.u * way.E[1]
+        entries = pair(2, dt * end) | pair(3, 1j * way.s * way.u * way.E[0]) | pair(4, d_curve)
+        entries |= {(3, 2): way.c * dt, (3, 4): way.slope * way.s}
         if self.n == 6:
-            entries |= pair(5, dt**2 / 2 * end) | {(2, 5): dt, (3, 5): c * dt**2 / 2}
+            entries |= pair(5, dt**2 / 2 * end) | {(2, 5): dt, (3, 5): way.c * dt**2 / 2}
         return entries
 
-    def _gain(self, x, dt):
-        u = unit(x[3])
+    def _gain(self, x, dt, way):
         if self.n == 5:
-            return pair(0, dt**2 / 2 * u) | {(2, 0): dt, (4, 1): dt}
-        return pair(0, dt**3 / 6 * u) | {(2, 0): dt**2 / 2, (5, 0): dt, (4, 1): dt}
+            return pair(0, dt**2 / 2 * way.u) | {(2, 0): dt, (4, 1): dt}
+        return pair(0, dt**3 / 6 * way.u) | {(2, 0): dt**2 / 2, (5, 0): dt, (4, 1): dt}
 
-    def _arc_gain(self, x, dt):
-        v, heading, c, slope, a = self._motion(x)
-        way = dt**2 / 2 if self.n == 5 else dt**3 / 6  # ∂s/∂(acceleration or jerk)
-        end = unit(heading + c * (v * dt + a * dt**2 / 2))
+    def _arc_gain(self, x, dt, way):
+        v, heading, a, c = way[:4]
+        further = dt**2 / 2 if self.n == 5 else dt**3 / 6  # ∂s/∂(acceleration or jerk)
+        end = unit(heading + c * way.s)
 
         def bend(t):  # ∂p/∂(curvature rate) per unit time: i v(t) e^{iθ(t)} ∂θ(t)
             t = t.reshape(-1, *[1] * np.ndim(v))
             turned = v * t**2 / 2 + a * t**3 / 3
             return 1j * (v + a * t) * turned * unit(heading + c * (v * t + a * t**2 / 2))
 
-        entries = self._gain(x, dt) | pair(0, way * end) | {(3, 0): c * way}
-        return entries | pair(1, slope * integrate_along_arc(bend, dt)) | {(3, 1): slope * (v * dt**2 / 2 + a * dt**3 / 3)}
+        entries = self._gain(x, dt, way) | pair(0, further * end) | {(3, 0): c * further}
+        return entries | pair(1, way.slope * integrate_along_arc(bend, dt)) | {(3, 1): way.slope * (v * dt**2 / 2 + a * dt**3 / 3)}
 
 
 class _Steered(_Curvature):
@@ -136,5 +146,5 @@ class CCA(_Curvature):
     def _curve(self, x):
         return x[4], np.ones_like(x[4])
 
-    def _gain(self, x, dt):
-        return super()._gain(x, dt) | {(3, 1): x[2] * dt**2 / 2}
+    def _gain(self, x, dt, way):
+        return super()._gain(x, dt, way) | {(3, 1): x[2] * dt**2 / 2}

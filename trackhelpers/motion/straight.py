@@ -28,7 +28,7 @@ class _Cartesian(Model):
     def _column(self, dt):
         raise NotImplementedError
 
-    def _rows(self, x, dt):
+    def _rows(self, x, dt, arc):
         transition = np.kron(np.eye(self.axes), self._block(dt))
         return np.einsum("ij,j...->i...", transition, x)
 
@@ -50,11 +50,11 @@ class _Cartesian(Model):
         G = np.kron(np.eye(self.axes), self._column(dt)[:, None]) * self.sigmas
         return self._spread(G @ G.T, x)
 
-    def _jacobian(self, x, dt):
+    def _jacobian(self, x, dt, arc):
         block = np.kron(np.eye(self.axes), self._block(dt)) - np.eye(self.n)
         return {(i, j): block[i, j] for i, j in zip(*np.nonzero(block), strict=True)}
 
-    def _gain(self, x, dt):
+    def _gain(self, x, dt, arc):
         column = np.kron(np.eye(self.axes), self._column(dt)[:, None])
         return {(i, q): column[i, q] for i, q in zip(*np.nonzero(column), strict=True)}
 
@@ -131,22 +131,23 @@ class PolarCV(Model):
     def __init__(self, sigma_a=0.0, sigma_w=0.0, noise="straight", Q=None, checked=True):
         super().__init__([("sigma_a", sigma_a), ("sigma_w", sigma_w)], noise, Q, checked)
 
-    def _rows(self, x, dt):
+    def _arc(self, x, dt, order):
+        return unit(x[2])
+
+    def _rows(self, x, dt, arc):
         px, py, heading, v = x
-        step = v * dt * unit(heading)
+        step = v * dt * arc
         return px + step.real, py + step.imag, heading, v
 
-    def _jacobian(self, x, dt):
-        _, _, heading, v = x
-        u = unit(heading)
-        return pair(2, 1j * v * dt * u) | pair(3, dt * u)
+    def _jacobian(self, x, dt, arc):
+        return pair(2, 1j * x[3] * dt * arc) | pair(3, dt * arc)
 
-    def _gain(self, x, dt):
-        return pair(0, dt**2 / 2 * unit(x[2])) | {(3, 0): dt, (2, 1): dt}
+    def _gain(self, x, dt, arc):
+        return pair(0, dt**2 / 2 * arc) | {(3, 0): dt, (2, 1): dt}
 
-    def _arc_gain(self, x, dt):
+    def _arc_gain(self, x, dt, arc):
         # a turn rate held over the step bends the path: ∂p/∂u = i v e^{iθ} T²/2
-        return self._gain(x, dt) | pair(1, 0.5j * x[3] * dt**2 * unit(x[2]))
+        return self._gain(x, dt, arc) | pair(1, 0.5j * x[3] * dt**2 * arc)
 
 
 class PolarCA(Model):
@@ -167,19 +168,21 @@ class PolarCA(Model):
     def __init__(self, sigma_j=0.0, sigma_w=0.0, noise="straight", Q=None, checked=True):
         super().__init__([("sigma_j", sigma_j), ("sigma_w", sigma_w)], noise, Q, checked)
 
-    def _rows(self, x, dt):
+    def _arc(self, x, dt, order):
+        return unit(x[2])
+
+    def _rows(self, x, dt, arc):
         px, py, heading, v, a = x
-        step = (v * dt + a * dt**2 / 2) * unit(heading)  # (3.6)
+        step = (v * dt + a * dt**2 / 2) * arc  # (3.6)
         return px + step.real, py + step.imag, heading, v + a * dt, a
 
-    def _jacobian(self, x, dt):
-        _, _, heading, v, a = x
-        u = unit(heading)
-        return pair(2, 1j * (v * dt + a * dt**2 / 2) * u) | pair(3, dt * u) | pair(4, dt**2 / 2 * u) | {(3, 4): dt}
+    def _jacobian(self, x, dt, arc):
+        _, _, _, v, a = x
+        return pair(2, 1j * (v * dt + a * dt**2 / 2) * arc) | pair(3, dt * arc) | pair(4, dt**2 / 2 * arc) | {(3, 4): dt}
 
-    def _gain(self, x, dt):
-        return pair(0, dt**3 / 6 * unit(x[2])) | {(3, 0): dt**2 / 2, (4, 0): dt, (2, 1): dt}
+    def _gain(self, x, dt, arc):
+        return pair(0, dt**3 / 6 * arc) | {(3, 0): dt**2 / 2, (4, 0): dt, (2, 1): dt}
 
-    def _arc_gain(self, x, dt):
-        _, _, heading, v, a = x
-        return self._gain(x, dt) | pair(1, 1j * (v * dt**2 / 2 + a * dt**3 / 3) * unit(heading))
+    def _arc_gain(self, x, dt, arc):
+        _, _, _, v, a = x
+        return self._gain(x, dt, arc) | pair(1, 1j * (v * dt**2 / 2 + a * dt**3 / 3) * arc)

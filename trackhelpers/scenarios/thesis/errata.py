@@ -147,8 +147,8 @@ class PrintedCTRV(CTRV):
         super().__init__(sigma_a, sigma_w, checked="3.16" not in errors)
         self.errors, self.switch = frozenset(errors), switch
 
-    def _rows(self, x, dt):
-        rows = super()._rows(x, dt)
+    def _rows(self, x, dt, arc):
+        rows = super()._rows(x, dt, arc)
         if "3.8" in self.errors:
             with np.errstate(invalid="ignore", divide="ignore"):
                 rows = tuple(transition_38(x, dt))
@@ -156,8 +156,8 @@ class PrintedCTRV(CTRV):
             rows = tuple(np.where(np.abs(x[4]) <= self.switch, transition_39_straight(x, dt), np.stack(rows)))
         return rows
 
-    def _jacobian(self, x, dt):
-        entries = super()._jacobian(x, dt)
+    def _jacobian(self, x, dt, arc):
+        entries = super()._jacobian(x, dt, arc)
         straight = np.abs(x[4]) <= self.switch
         with np.errstate(invalid="ignore", divide="ignore"):
             if "3.8" in self.errors:
@@ -182,11 +182,11 @@ class PrintedCTRV(CTRV):
 class PrintedPolarCA(PolarCA):
     """`PolarCA` with (3.6) read row by row: the acceleration turns the heading and leaves the speed as it is."""
 
-    def _rows(self, x, dt):
+    def _rows(self, x, dt, arc):
         return tuple(transition_36(x, dt))
 
-    def _jacobian(self, x, dt):
-        entries = super()._jacobian(x, dt)
+    def _jacobian(self, x, dt, arc):
+        entries = super()._jacobian(x, dt, arc)
         entries[2, 4] = entries.pop((3, 4))
         return entries
 
