@@ -1,7 +1,13 @@
 """Notebooks have one stored form, and the committed ones are in it."""
 
+import base64
+import io
+
+import matplotlib.pyplot as plt
 import nbformat
+import numpy as np
 import pytest
+from PIL import Image
 
 from trackhelpers.suite import NOTEBOOKS, form, notebooks
 
@@ -28,6 +34,20 @@ def test_normalising_drops_what_changes_by_itself_and_keeps_the_rest():
     assert result.execution_count == notebook.cells[0].execution_count == 1
     assert result.data == {"text/plain": "<object object at 0x0>", "text/html": "<b>0x10</b>"}
     assert stream.text == "<f at 0x0>\n"
+
+
+def test_a_figure_keeps_its_size_and_look_and_is_stored_once_and_for_all():
+    figure, ax = plt.subplots(figsize=(3, 2))
+    ax.plot([0, 1, 0], color="#0072B2")
+    drawn = io.BytesIO()
+    figure.savefig(drawn, format="png", transparent=True)
+    plt.close(figure)
+    stored = form.with_palette(base64.b64encode(drawn.getvalue()).decode())
+    assert form.with_palette(stored) == stored
+    before = Image.alpha_composite(Image.new("RGBA", Image.open(drawn).size, "white"), Image.open(drawn).convert("RGBA"))
+    after = Image.open(io.BytesIO(base64.b64decode(stored)))
+    difference = np.abs(np.subtract(before.convert("RGB"), after.convert("RGB"), dtype=float))
+    assert after.size == before.size and difference.max() < 24
 
 
 def test_notebooks_are_listed_in_reading_order(store):

@@ -198,7 +198,7 @@ def error_statistics(error):
     mean, square = ((later[i] * (n - 1) + first**i) / n for i in (1, 2))
     both = np.stack([np.maximum(later[0], first), mean, square])
     for statistics in (both, later, fifth):
-        np.sqrt(statistics[2], out=statistics[2])
+        statistics[2] = np.sqrt(statistics[2])
     return dict(zip(SAMPLES, (both, later, fifth), strict=True))
 
 

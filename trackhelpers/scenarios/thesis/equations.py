@@ -39,7 +39,15 @@ def random_systems(rng, count=25, n=None, m=None):
     Returns
     -------
     list of System
+
+    Raises
+    ------
+    ValueError
+        For a `count`, `n` or `m` that is not a whole number ≥ 1.
     """
+    for name, value in (("count", count), ("n", n), ("m", m)):
+        if value is not None and (value != int(value) or value < 1):
+            raise ValueError(f"{name}: expected a whole number ≥ 1, got {value!r}")
     systems = []
     for _ in range(count):
         states = n or int(rng.integers(1, 5))
@@ -59,7 +67,18 @@ def _random_covariance(rng, size):
 
 
 def largest_difference(points, printed, derived):
-    """Largest entry of \\|printed(point) − derived(point)\\| over `points`: the residual of an equation.
+    """Residual of an equation: the largest entry by which the two forms differ over `points`.
+
+    Parameters
+    ----------
+    points : sequence
+        20 or more random points, each whatever the two functions take.
+    printed, derived : callable
+        Point -> number or array.
+
+    Returns
+    -------
+    float
 
     Raises
     ------
@@ -68,13 +87,13 @@ def largest_difference(points, printed, derived):
     """
     if len(points) < 20:
         raise ValueError(f"points: expected 20 or more, got {len(points)}")
-    largest = 0.0
+    differences = []
     for point in points:
         one, other = np.asarray(printed(point), dtype=float), np.asarray(derived(point), dtype=float)
         if one.shape != other.shape:
             raise ValueError(f"printed, derived: expected results of one shape, got {one.shape} and {other.shape}")
-        largest = max(largest, float(np.max(np.abs(one - other))))
-    return largest
+        differences.append(np.max(np.abs(one - other)))
+    return float(np.max(differences))  # NaN where a form gives NaN
 
 
 def gradient(J, K):

@@ -64,8 +64,8 @@ def covariances(A, H, Q, R, P0, steps, joseph=True):
     ValueError
         For shapes that do not fit, a Q, R or P0 that is no covariance, ``steps`` below 1, and a singular H P⁻ Hᵀ + R.
     """
-    A, H, Q, R = _matrices(A, H, Q, R)
-    P = check_covariance(P0, "P0", len(A))
+    A, H = _system(A, H)
+    Q, R, P = check_covariance(Q, "Q", len(A)), check_covariance(R, "R", len(H)), check_covariance(P0, "P0", len(A))
     rows = []
     for _ in range(_whole(steps, "steps")):
         prior = symmetrised(congruence(A, P)) + Q  # (2.10)
@@ -96,9 +96,17 @@ def simulate(A, H, x0, w, v, Bu=None):
     -------
     x, z : numpy.ndarray, shapes (N, n, M), (N, m, M)
         Steps 1 to N.
+
+    Raises
+    ------
+    ValueError
+        For shapes that do not fit each other.
     """
-    A, H = _transition(A), np.asarray(H, dtype=float)
-    w, v = np.asarray(w, dtype=float), np.asarray(v, dtype=float)
+    A, H = _system(A, H)
+    w = np.asarray(w, dtype=float)
+    if w.ndim != 3 or w.shape[1] != len(A):
+        raise ValueError(f"w: expected shape (N, {len(A)}, M), got {w.shape}")
+    v = check_array(v, "v", len(w), (len(H), w.shape[2]))
     x = check_array(x0, "x0", len(A), w.shape[2:])
     known = _inputs(Bu, w.shape)
     truth = np.empty_like(w)
@@ -127,12 +135,22 @@ def estimate(z, K, A, H, x0, Bu=None, as_printed=False):
     Returns
     -------
     Estimates
+
+    Raises
+    ------
+    ValueError
+        For shapes that do not fit each other.
     """
-    A, H, z = _transition(A), np.asarray(H, dtype=float), np.asarray(z, dtype=float)
+    A, H = _system(A, H)
+    z, K, x = (np.asarray(value, dtype=float) for value in (z, K, x0))
+    if z.ndim != 3 or z.shape[1] != len(H):
+        raise ValueError(f"z: expected shape (N, {len(H)}, M), got {z.shape}")
     steps, _, runs = z.shape
-    K = np.broadcast_to(K, (steps, len(A), len(H)))
-    x = np.asarray(x0, dtype=float)
-    x = check_array(x if x.ndim == 2 else np.repeat(x[:, None], runs, axis=1), "x0", len(A), (runs,))
+    gain = (len(A), len(H))
+    if K.shape not in (gain, (steps, *gain)):
+        raise ValueError(f"K: expected shape {gain} or {(steps, *gain)}, got {K.shape}")
+    K = np.broadcast_to(K, (steps, *gain))
+    x = check_array(np.repeat(x[:, None], runs, axis=1) if x.ndim == 1 else x, "x0", len(A), (runs,))
     known = _inputs(Bu, (steps, len(A), runs))
     result = Estimates(np.empty((steps, len(A), runs)), np.empty_like(z), np.empty((steps, len(A), runs)))
     for k in range(steps):
@@ -192,18 +210,13 @@ def _whole(value, name):
     return int(value)
 
 
-def _transition(A):
-    A = np.asarray(A, dtype=float)
+def _system(A, H):
+    A, H = np.asarray(A, dtype=float), np.asarray(H, dtype=float)
     if A.ndim != 2 or A.shape[0] != A.shape[1]:
         raise ValueError(f"A: expected a square matrix, got shape {A.shape}")
-    return A
-
-
-def _matrices(A, H, Q, R):
-    A, H = _transition(A), np.asarray(H, dtype=float)
     if H.ndim != 2 or H.shape[1] != len(A):
         raise ValueError(f"H: expected shape (m, {len(A)}), got {H.shape}")
-    return A, H, check_covariance(Q, "Q", len(A)), check_covariance(R, "R", len(H))
+    return A, H
 
 
 def _inputs(Bu, shape):

@@ -105,7 +105,7 @@ def measure(noise, lidar=None, radar=None, track=None):
     return zs
 
 
-def position_noise_measurements(rngs, sigma=0.2, track=None):
+def position_noise_measurements(rngs, sigma=0.2, track=None, radar=None):
     """Measurements of the whole track that differ from the true ones by an error of the *position* alone, the same for both sensors.
 
     This is how the thesis's own measurements seem to have been made: the lidar reports the erroneous position, the radar's range, bearing and range rate are
@@ -119,6 +119,8 @@ def position_noise_measurements(rngs, sigma=0.2, track=None):
         Standard deviation of the position's noise in each coordinate, m.
     track : numpy.ndarray, shape (5, N), optional
         Default: `truth()`.
+    radar : trackhelpers.sensors.Sensor, optional
+        Whose h is taken; default: `Radar`'s.
 
     Returns
     -------
@@ -126,13 +128,13 @@ def position_noise_measurements(rngs, sigma=0.2, track=None):
         As of `measurements`.
     """
     track = truth() if track is None else track
-    return measure_displaced(check_scale(sigma, "sigma") * standard_normal(rngs, (track.shape[1], 2)), track)
+    return measure_displaced(check_scale(sigma, "sigma") * standard_normal(rngs, (track.shape[1], 2)), track, radar)
 
 
-def measure_displaced(noise, track=None):
+def measure_displaced(noise, track=None, radar=None):
     """`position_noise_measurements` with a given noise (N, 2, M) in m."""
     track = truth() if track is None else track
-    lidar, radar = Lidar(), Radar()
+    lidar, radar = Lidar(), Radar() if radar is None else radar
     zs = []
     for k, sample in enumerate(_noise(noise, 2, track), start=1):
         x = np.repeat(track[:, k - 1, None], sample.shape[1], axis=1)

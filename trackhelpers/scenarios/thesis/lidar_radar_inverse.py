@@ -54,12 +54,12 @@ class Fit(NamedTuple):
         return np.sqrt(np.mean(self.misfit**2))
 
 
-def displaced_by(sigma):
+def displaced_by(sigma, radar=None):
     """Measurements with one error of the position for both sensors, standard deviation `sigma` (m): a function of noise (8, 2, M)."""
     sigma = check_scale(sigma, "sigma")
 
     def zs(noise):
-        return measure_displaced(sigma * noise)
+        return measure_displaced(sigma * noise, radar=radar)
 
     zs.width = 2
     return zs

@@ -3,25 +3,34 @@
 import numpy as np
 from scipy import stats
 
-from trackhelpers.consistency import nees, nis
+from trackhelpers.angles import wrap
+from trackhelpers.consistency import cramer_rao, nees, nis
 from trackhelpers.ensemble import EnsembleEKF, monte_carlo
+from trackhelpers.motion import CTRV
 from trackhelpers.published import published
 from trackhelpers.scenarios.thesis.lidar_radar import (
     COMPONENTS,
     FIGURES,
+    SAMPLES_A_TURN,
     STEPS,
+    T,
     errors,
     estimates,
     measurements,
+    sensor_at,
     start,
     steps,
     table_9,
     truth,
+    velocity,
 )
+from trackhelpers.sensors import Lidar, Radar
 
 LOST = 5.0  # m: a run that is farther from the truth than this at any of the last samples is lost
 LAST = 100  # samples
+SECOND = 20  # samples in the first second, the filter's transient
 EXACT = ("vx max", "vy max")  # cells of Table 9 that do not depend on the noise
+FEATURES = ("first speed", "sign changes", "position", "velocity", "resultant", "along")
 
 
 def cell_names():
@@ -138,23 +147,86 @@ def simulate_consistency(runs, seed, filter=EnsembleEKF, measure=measurements, *
     return {name: total / runs for name, total in monte_carlo(task, runs, seed).items()}
 
 
-def lost_runs(runs, seed, radar, measure=measurements, filter=EnsembleEKF):
-    """Which runs are lost, (runs,) bool: not finite, or farther than 5 m from the truth at any of the last hundred samples.
+def follow_with(radar, runs, seed, measure=measurements, filter=EnsembleEKF):
+    """How an EKF does that has a wrong idea of the radar.
 
     Parameters
     ----------
     radar : trackhelpers.sensors.Sensor
-        The filter's idea of the radar.
+        The filter's radar.
     runs, seed, measure, filter
         As for `simulate_table_9`.
+
+    Returns
+    -------
+    lost : numpy.ndarray, shape (runs,)
+        True for a run that is not finite at the end, or farther than `LOST` from the truth at any of the last `LAST` samples.
+    rmse : numpy.ndarray, shape (runs,)
+        Root mean square distance from the truth after the first second, m; not finite in a run that broke down.
     """
 
     def task(rngs):
         zs = measure(rngs)
         kf = start(filter, zs[0])
-        error = errors(estimates(kf, zs, radar=radar))
-        with np.errstate(over="ignore", invalid="ignore"):
-            near = np.all(np.hypot(error[0, -LAST:], error[1, -LAST:]) <= LOST, axis=0)
-        return {"lost": kf.failed | ~near}
+        x = estimates(kf, zs, radar=radar)
+        with np.errstate(over="ignore", invalid="ignore"):  # what a lost run does
+            distance = np.hypot(*errors(x)[:2])
+            near = np.all(distance[-LAST:] <= LOST, axis=0)
+            return {"lost": kf.failed | ~near, "rmse": np.sqrt(np.mean(distance[SECOND:] ** 2, axis=0))}
 
-    return monte_carlo(task, runs, seed, reduce={"lost": "concat"})["lost"]
+    result = monte_carlo(task, runs, seed, reduce={"lost": "concat", "rmse": "concat"})
+    return result["lost"], result["rmse"]
+
+
+def features(x, zs):
+    """What the thesis says in words of its Figure 6, as one number a run.
+
+    Parameters
+    ----------
+    x : numpy.ndarray, shape (5, N, M)
+        Estimates.
+    zs : sequence of arrays
+        Measurements that led to them.
+
+    Returns
+    -------
+    dict of str -> numpy.ndarray, shape (M,)
+        ``"first speed"`` (m/s), the estimated speed after the first measurement. The others leave out the first second: ``"sign changes"`` of the errors of v_x and
+        v_y, the mean of the two; ``"position"`` and ``"velocity"``, RMSE as a fraction of that of lidar points and of differences of neighbouring lidar points;
+        ``"resultant"``, RMSE of the speed as a fraction of that of the components; ``"along"``, mean square change of the velocity along the heading as a
+        multiple of that across it, the turn by ωT taken off.
+    """
+    track = truth()
+    error = errors(x, track)[:, SECOND:]
+    points = np.stack(zs[::2], axis=1)
+    point_error = (points - track[:2, ::2, None])[:, SECOND // 2 :]
+    difference_error = (np.diff(points, axis=1) / (2 * T) - velocity(track)[:, 2::2, None])[:, SECOND // 2 :]
+    along = np.diff(x[2], axis=0)
+    across = x[2, :-1] * (wrap(np.diff(x[3], axis=0)) - x[4, :-1] * T)
+    return {
+        "first speed": np.abs(x[2, 0]),
+        "sign changes": np.mean(np.sum(np.diff(np.sign(error[2:]), axis=1) != 0, axis=1), axis=0),
+        "position": _rms(error[:2]) / _rms(point_error),
+        "velocity": _rms(error[2:]) / _rms(difference_error),
+        "resultant": _rms((x[2] - track[2, :, None])[None, SECOND:]) / _rms(error[2:]),
+        "along": _rms(along[None, SECOND:]) ** 2 / _rms(across[None, SECOND:]) ** 2,
+    }
+
+
+def _rms(values):
+    """Root mean square over all axes but the runs'."""
+    return np.sqrt(np.mean(values**2, axis=(0, 1)))
+
+
+def lower_bound():
+    """Cramér–Rao bound on the state's covariance, shape (N, 5, 5), for somebody who knows more than the filter.
+
+    He knows that speed and turn rate are constant, but for one jump of the turn rate by about 1 rad/s at a known sample; he knows nothing of the start
+    (10 m/s, 1 rad/s and any heading).
+    """
+    track, model, lidar, radar = truth(), CTRV(), Lidar(), Radar()
+    sensors = [sensor_at(k, lidar, radar) for k in range(1, STEPS + 1)]
+    Fs = [np.eye(5), *(model.F(x, T) for x in track.T[:-1])]
+    Qs = [np.diag([0, 0, 0, 0, float(k == SAMPLES_A_TURN + 1)]) for k in range(1, STEPS + 1)]
+    Hs, Rs = [sensor.H(x) for sensor, x in zip(sensors, track.T, strict=True)], [sensor.R for sensor in sensors]
+    return cramer_rao(Fs, Qs, Hs, Rs, np.diag([1e4, 1e4, 1e2, 10.0, 1.0]))

@@ -1,7 +1,9 @@
-"""Section 4.2's measurement of the radar as it is printed: range rate and Jacobian."""
+"""Section 4.2 as it is printed: the radar's range rate and Jacobian, and the list of steps."""
 
 import numpy as np
 
+from trackhelpers.arrays import matvec
+from trackhelpers.ensemble import EnsembleEKF
 from trackhelpers.sensors import Radar
 
 RANGE_RATES = ("printed", "right")
@@ -52,3 +54,21 @@ class PrintedRadar(Radar):
             return entries | {(2, i): -outward_x, (2, j): -outward_y, (2, k): (c + s) / rho, (2, l): v * (c - s) / rho}
         front = (v if self.jacobian == "printed v" else py) / rho
         return entries | {(2, i): front - outward_x, (2, j): front - outward_y, (2, k): (px + py) / rho, (2, l): 0.0 * rho}
+
+
+class UnpredictedEKF(EnsembleEKF):
+    """The printed list of steps: the covariance is predicted (step 05), the state is not, for no step of the list does it."""
+
+    def predict(self, dt):
+        """Predict the covariance over `dt` seconds, dt ≥ 0."""
+        x = self.x
+        super().predict(dt)
+        self.x = x
+
+
+class LinearisedRadar(Radar):
+    """The radar with H x for h(x), as step 07 prints the innovation, z − H x̂, for both sensors. Parameters as for `Radar`."""
+
+    def h(self, x):
+        """H(x) x: (n, ...) to (3, ...)."""
+        return matvec(self.H(x), np.asarray(x, dtype=float))

@@ -11,10 +11,9 @@ from trackhelpers import angles
 from trackhelpers.arrays import check_dt, congruence, mahalanobis
 from trackhelpers.filters import MotionEKF
 from trackhelpers.motion import CTRV
+from trackhelpers.scenarios.thesis.lidar_radar import SIGMA_A, SIGMA_W, T, components
 from trackhelpers.sensors import Lidar, Radar
 
-T = 0.05  # s, from one sample of the log to the next
-SIGMA_A, SIGMA_W = 2.0, 0.3  # m/s², rad/s²
 ROWS = slice(18, 27)  # of the 500 samples, those that Table 5 prints: t = 0.90 … 1.30 s
 
 
@@ -60,27 +59,6 @@ class ProgramEKF(MotionEKF):
         self.x_prior, self.P_prior = self.x.copy(), self.P.copy()
 
 
-class PrintedRadar(Radar):
-    """The radar with the range rate that the thesis prints, (v_x + v_y)/ρ, and that range rate's own derivatives.
-
-    Parameters
-    ----------
-    sigma, state
-        As for `Radar`; the state holds v and θ.
-    """
-
-    def _h(self, x):
-        _, _, rho, vx, vy = self._parts(x)
-        return [*super()._h(x)[:2], (vx + vy) / rho]
-
-    def _entries(self, x):
-        px, py, rho, vx, vy = self._parts(x)
-        (i, j), (k, l) = self._position, self._velocity
-        c, s = np.cos(x[l]), np.sin(x[l])
-        third = {i: -px * (vx + vy) / rho**3, j: -py * (vx + vy) / rho**3, k: (c + s) / rho, l: x[k] * (c - s) / rho}
-        return super()._entries(x) | {(2, column): value for column, value in third.items()}
-
-
 def truth(log):
     """The log's own truth as CTRV states.
 
@@ -94,8 +72,7 @@ def truth(log):
 
 def velocity_errors(log, x):
     """Errors (4, N) of x, y, v_x, v_y of the estimates `x` (5, N), in m and m/s: the components whose RMSE the log's course asks for."""
-    ours = np.stack([x[0], x[1], x[2] * np.cos(x[3]), x[2] * np.sin(x[3])])
-    return ours - log[["x", "y", "vx", "vy"]].to_numpy().T
+    return components(np.asarray(x)) - log[["x", "y", "vx", "vy"]].to_numpy().T
 
 
 def track(log, model=None, filter=MotionEKF, lidar=None, radar=None, use=None, first_again=True):

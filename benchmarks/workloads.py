@@ -1,0 +1,107 @@
+"""The three workloads, and how the ensemble filters run them.
+
+A `Problem` is data: a model, sensors that take turns, one true track and M noisy copies of its measurements. A *contender* is a function of a problem that
+prepares what it likes (not timed) and returns another, without arguments, that runs all filters over all steps (timed) and returns a dict: the final estimates
+``x`` (n, M), their covariance ``P`` (n, n, M), and, where the workload asks for it, ``NEES`` (N,), averaged over the runs.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from trackhelpers.consistency import nees
+from trackhelpers.ensemble import EnsembleEKF, EnsembleKF, EnsembleUKF
+from trackhelpers.motion import CTRV, CV
+from trackhelpers.motion.base import Model
+from trackhelpers.scenarios.thesis import lidar_radar
+from trackhelpers.sensors import Lidar, Position, Radar, Sensor
+
+SEED = 42
+
+
+@dataclass(frozen=True)
+class Problem:
+    """N steps of M runs: predict by T, then measure ``zs[k]`` (m, M) by ``sensors[k % len(sensors)]``, beside the truth (n, N)."""
+
+    model: Model
+    sensors: tuple[Sensor, ...]
+    T: float
+    truth: np.ndarray
+    zs: list[np.ndarray]
+    x0: np.ndarray
+    P0: np.ndarray
+
+    @property
+    def runs(self):
+        return self.x0.shape[1]
+
+    @property
+    def steps(self):
+        return len(self.zs)
+
+    def sensor(self, k):
+        return self.sensors[k % len(self.sensors)]
+
+    def first(self, runs):
+        """The same problem for the first `runs` runs."""
+        return replace(self, zs=[z[:, :runs] for z in self.zs], x0=self.x0[:, :runs])
+
+
+def generators(runs):
+    return [np.random.default_rng(child) for child in np.random.SeedSequence(SEED).spawn(runs)]
+
+
+def ctrv_problem(runs, steps, rngs=None):
+    """The thesis's section 4.2: a turning target, radar and lidar in turn."""
+    rngs = generators(runs) if rngs is None else rngs
+    track = lidar_radar.truth(steps + 1)
+    zs = lidar_radar.measurements(rngs, track=track)
+    deviation = np.array([0.15, 0.15, 1.0, 0.1, 0.1])
+    x0 = track[:, :1] + deviation[:, None] * np.stack([rng.standard_normal(5) for rng in rngs], axis=-1)
+    # the filter starts at the first sample; the second is the radar's
+    return Problem(CTRV(2.0, 0.3), (Radar(), Lidar()), lidar_radar.T, track[:, 1:].copy(), zs[1:], x0, np.diag(deviation**2))
+
+
+def cv_problem(runs, steps):
+    """A linear filter: position in the plane, constant velocity."""
+    rng = np.random.default_rng(SEED)
+    model, T = CV(0.5, axes=2), 0.1
+    time = T * np.arange(1, steps + 1)
+    truth = np.stack([5 * time, np.full(steps, 5.0), -2 * time, np.full(steps, -2.0)])
+    sensor = Position(1.0, model.state)
+    zs = [sensor.h(truth[:, k])[:, None] + rng.standard_normal((2, runs)) for k in range(steps)]
+    x0 = np.array([0.0, 5.0, 0.0, -2.0])[:, None] + rng.standard_normal((4, runs))
+    return Problem(model, (sensor,), T, truth, zs, x0, np.eye(4))
+
+
+def ensemble_ekf(problem):
+    """EnsembleEKF, NEES at every step."""
+
+    def run():
+        ens = EnsembleEKF(problem.model, problem.x0, problem.P0)
+        average = np.empty(problem.steps)
+        for k, z in enumerate(problem.zs):
+            ens.predict(problem.T)
+            ens.update(z, problem.sensor(k))
+            average[k] = nees(problem.truth[:, k : k + 1], ens.x, ens.P, problem.model.angles).mean()
+        return {"x": ens.x, "P": ens.P, "NEES": average}
+
+    return run
+
+
+def ensemble_kf(problem):
+    """EnsembleKF."""
+    return lambda: _states_only(EnsembleKF, problem)
+
+
+def ensemble_ukf(problem):
+    """EnsembleUKF."""
+    return lambda: _states_only(EnsembleUKF, problem)
+
+
+def _states_only(Ensemble, problem):
+    ens = Ensemble(problem.model, problem.x0, problem.P0)
+    for k, z in enumerate(problem.zs):
+        ens.predict(problem.T)
+        ens.update(z, problem.sensor(k))
+    return {"x": ens.x, "P": ens.P}
