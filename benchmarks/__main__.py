@@ -9,6 +9,7 @@ import sys
 if __name__ == "__main__":
     for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):  # one core each; NumPy reads this when it is imported
         os.environ[name] = "1"
+    os.environ["TQDM_DISABLE"] = "1"
 
     from benchmarks.run import main
 

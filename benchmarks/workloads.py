@@ -6,9 +6,11 @@ prepares what it likes (not timed) and returns another, without arguments, that 
 """
 
 from dataclasses import dataclass, replace
+from unittest.mock import patch
 
 import numpy as np
 
+from trackhelpers import compiled
 from trackhelpers.consistency import nees
 from trackhelpers.ensemble import EnsembleEKF, EnsembleKF, EnsembleUKF
 from trackhelpers.motion import CTRV, CV
@@ -97,6 +99,21 @@ def ensemble_kf(problem):
 def ensemble_ukf(problem):
     """EnsembleUKF."""
     return lambda: _states_only(EnsembleUKF, problem)
+
+
+def numpy_alone(contender):
+    """The same contender with numba left aside."""
+
+    def prepare(problem):
+        call = contender(problem)
+
+        def run():
+            with patch.object(compiled, "serves", lambda P: False):
+                return call()
+
+        return run
+
+    return prepare
 
 
 def _states_only(Ensemble, problem):

@@ -22,7 +22,7 @@ def filterpy_ekf(problem):
         return kf
 
     def step(kf, k, i):
-        kf.F, kf.Q = ctrv.jacobian(kf.x, T), ctrv.noise(kf.x, T, sigmas)
+        kf.F, kf.Q = ctrv.jacobian(kf.x, T), ctrv.noise(float(kf.x[3]), T, sigmas)
         kf.predict()
         z = problem.zs[k][:, i]
         if problem.sensor(k) is radar:
@@ -81,7 +81,7 @@ def filterpy_ukf(problem):
         return kf
 
     def step(kf, k, i):
-        kf.Q = ctrv.noise(kf.x, T, sigmas)
+        kf.Q = ctrv.noise(float(kf.x[3]), T, sigmas)
         kf.predict()
         if problem.sensor(k) is radar:
             kf.z_mean, kf.residual_z = lambda points, Wm: mean_about_the_first(points, Wm, 1), ctrv.radar_residual

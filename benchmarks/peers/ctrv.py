@@ -19,13 +19,13 @@ def arc(w, T):
 
 
 def transition(x, T):
-    _, _, v, heading, w = x
+    px, py, v, heading, w = x.tolist()  # plain numbers: NumPy's scalars are slower
     h, j0, _ = arc(w, T)
-    return np.array([x[0] + v * T * cos(heading + h) * j0, x[1] + v * T * sin(heading + h) * j0, v, wrap(heading + w * T), w])
+    return np.array([px + v * T * cos(heading + h) * j0, py + v * T * sin(heading + h) * j0, v, wrap(heading + w * T), w])
 
 
 def jacobian(x, T):
-    _, _, v, heading, w = x
+    _, _, v, heading, w = x.tolist()
     h, j0, j1 = arc(w, T)
     along, across = cos(heading + h), sin(heading + h)
     dx, dy, half = T * along * j0, T * across * j0, 0.5 * v * T * T
@@ -40,9 +40,9 @@ def jacobian(x, T):
     )
 
 
-def noise(x, T, sigmas):
+def noise(heading, T, sigmas):
     a, w = (T * sigmas[0]) ** 2, (T * sigmas[1]) ** 2
-    c, s, half = T / 2 * cos(x[3]), T / 2 * sin(x[3]), T / 2
+    c, s, half = T / 2 * cos(heading), T / 2 * sin(heading), T / 2
     return np.array(
         [
             [a * c * c, a * c * s, a * c, 0, 0],
@@ -55,12 +55,13 @@ def noise(x, T, sigmas):
 
 
 def radar(x):
-    rho = hypot(x[0], x[1])
-    return np.array([rho, atan2(x[1], x[0]), x[2] * (x[0] * cos(x[3]) + x[1] * sin(x[3])) / rho])
+    px, py, v, heading, _ = x.tolist()
+    rho = hypot(px, py)
+    return np.array([rho, atan2(py, px), v * (px * cos(heading) + py * sin(heading)) / rho])
 
 
 def radar_jacobian(x):
-    px, py, v, heading, _ = x
+    px, py, v, heading, _ = x.tolist()
     rho = hypot(px, py)
     c, s, cos_x, sin_x = px / rho, py / rho, cos(heading), sin(heading)
     turn = v * (c * sin_x - s * cos_x) / rho

@@ -51,7 +51,7 @@ def stone_soup_ekf(problem):
             return np.asarray(self.state.covar, dtype=float)
 
     def step(track, k, i):
-        prediction = predictor.predict(track.state, timestamp=times[k + 1], heading=track.state.state_vector[3])
+        prediction = predictor.predict(track.state, timestamp=times[k + 1], heading=float(track.state.state_vector[3]))
         track.state = updater.update(SingleHypothesis(prediction, detections[i][k]))
 
     return lambda: one_by_one(problem, Track, step, with_nees=True)
@@ -72,7 +72,7 @@ def _ctrv_model(sigmas):
 
         def covar(self, time_interval=None, heading=None, **kwargs):
             # Stone Soup does not hand the state to the noise, but it does hand on what `predict` was given by name
-            return CovarianceMatrix(ctrv.noise((0, 0, 0, heading), time_interval.total_seconds(), sigmas))
+            return CovarianceMatrix(ctrv.noise(heading, time_interval.total_seconds(), sigmas))
 
     return CTRV()
 

@@ -174,7 +174,7 @@ def processes():
     with (
         dask.config.set(settings),
         distributed.LocalCluster(
-            processes=True, n_workers=2, threads_per_worker=1, host="127.0.0.1", dashboard_address=None, memory_limit=0
+            processes=True, n_workers=2, threads_per_worker=1, host="127.0.0.1", dashboard_address="127.0.0.1:0", memory_limit=0
         ) as local,
         distributed.Client(local) as client,
     ):

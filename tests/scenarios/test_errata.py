@@ -158,9 +158,9 @@ def test_an_outcome_is_that_of_the_single_target_filter():
     rngs = [np.random.default_rng(child) for child in np.random.SeedSequence(5).spawn(2)]
     zs = [z[:, 1] for z in lidar_radar.measurements(rngs, track=track)]
     kf = MotionEKF(RIGHT, [*zs[0], 0, 0, 0], np.eye(5))
-    estimates, nees, nis = [kf.x], [], []
-    for k in range(2, 61):
-        kf.predict(0.05)
+    estimates, nees, nis = [], [], []
+    for k in range(1, 61):
+        kf.predict(0.05 if k > 1 else 0.0)
         kf.update(zs[k - 1], Lidar() if k % 2 else Radar())
         estimates.append(kf.x)
         if k % 5 == 0:

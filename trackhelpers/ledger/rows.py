@@ -173,8 +173,9 @@ class Ledger:
         frame = pd.DataFrame(self.rows, columns=COLUMNS, dtype=str)
         write_csv(frame, results_folder() / f"{self.paper}__{self.notebook}.csv")
         shown = frame[["id", "where", "quantity", "paper"]].copy()
-        # A number that stands beside a printed one keeps its digits.
-        shown["ours"] = frame["ours"].where(frame["tolerance"] != "", frame["ours"].map(_short))
+        # A number that stands beside a printed one keeps its digits; what is only rounding has none to show.
+        digits = (frame["tolerance"] != "") & (frame["kind"] != "equation")
+        shown["ours"] = frame["ours"].where(digits, frame["ours"].map(_short))
         ends = zip(frame["low"], frame["high"], strict=True)
         shown["interval"] = [f"[{_short(low)}, {_short(high)}]" if low else "" for low, high in ends]
         shown["verdict"] = frame["verdict"]
@@ -230,7 +231,11 @@ class Ledger:
 
 
 def _short(text):
-    return number(float(text), trim=True) if text else ""
+    """Four digits; a rounding error, whose digits differ from one processor to the next, shows only that it is one."""
+    if not text:
+        return ""
+    value = float(text)
+    return "< 1e-9" if 0 < abs(value) < 1e-9 else number(value, trim=True)
 
 
 def _finite(id, name, value):

@@ -209,7 +209,7 @@ class Outcome(NamedTuple):
 def compare(models, runs=1000, seed=0, start=None, track=None):
     """Run one EKF a model over section 4.2, all on the same measurements.
 
-    Each starts at the first lidar point with P0 = I (see `START_SIGMA`) and takes a lidar and a radar sample in turn.
+    Each starts at the first lidar point with P0 = I (see `START_SIGMA`) and takes a lidar and a radar sample in turn, as `lidar_radar.steps` gives them.
 
     Parameters
     ----------
@@ -242,29 +242,21 @@ def compare(models, runs=1000, seed=0, start=None, track=None):
 
 def _filtered(model, zs, track, start):
     names, runs = list(model.state), zs[0].shape[1]
-    lidar, radar = Lidar(state=model.state), Radar(state=model.state)
     x0 = np.zeros((model.n, runs))
     for name, value in (start | dict(zip("xy", zs[0], strict=True))).items():
         x0[names.index(name)] = value
     ens = EnsembleEKF(model, x0, np.diag([START_SIGMA.get(name, 1.0) ** 2 for name in names]))
-    velocity = lidar_radar.velocity(track)
+    place, velocity = [names.index("x"), names.index("y")], lidar_radar.velocity(track)
     squares, consistency = np.zeros((2, runs)), []
-    for k, z in enumerate(zs, start=1):
-        sensor = lidar_radar.sensor_at(k, lidar, radar)
-        if k > 1:
-            ens.predict(lidar_radar.T)
-            ens.update(z, sensor)
+    for k in lidar_radar.steps(ens, zs, Lidar(state=model.state), Radar(state=model.state)):
         with np.errstate(over="ignore", invalid="ignore"):  # what a lost run does
-            errors = (
-                ens.x[[names.index("x"), names.index("y")]] - track[:2, k - 1, None],
-                _velocity(ens.x, names) - velocity[:, k - 1, None],
-            )
-            distances = np.array([np.sum(error**2, axis=0) for error in errors])
+            errors = np.stack([ens.x[place] - track[:2, k - 1, None], _velocity(ens.x, names) - velocity[:, k - 1, None]])
+            distances = np.sum(errors**2, axis=1)
             squares += distances
             if k % EVERY == 0:
                 full = model.state == CTRV.state
                 ratio = nees(track[:, k - 1], ens.x, ens.P, model.angles) if full else np.full(runs, np.nan)
-                consistency.append((ratio, nis(ens.y, ens.S) / sensor.m))
+                consistency.append((ratio, nis(ens.y, ens.S) / len(ens.y)))
     lost = ens.failed | ~(distances[0] <= FAR**2)
     return Outcome(*np.sqrt(squares / len(zs)), *np.moveaxis(consistency, 1, 0), lost)
 

@@ -19,6 +19,7 @@ ROWS = slice(2, 8)  # of the samples, those that Tables 7 and 8 print: k = 3, â€
 SAMPLES = 8
 ROUNDING = 1 / np.sqrt(3)  # standard deviation of a uniform rounding error, in half units of the last digit
 STEP = 1e-6  # of the differences that give the Jacobian, in units of the noise
+EVALUATIONS = 60  # of the filter, after which a search that has not settled is given up where it stands
 
 
 class EnsembleProgramEKF(EnsembleEKF):
@@ -110,7 +111,7 @@ def fit_noise(measurements, filter=EnsembleEKF, model=None, P0=None, lidar=None,
         moved = misfits(np.column_stack([noise, noise[:, None] + STEP * np.eye(size)])).reshape(value.size, -1)
         return np.concatenate([(moved[:, 1:] - moved[:, :1]) / STEP / ROUNDING, np.eye(size)])
 
-    solution = least_squares(residual, np.zeros(size), jacobian).x
+    solution = least_squares(residual, np.zeros(size), jacobian, method="lm", max_nfev=EVALUATIONS).x
     J = jacobian(solution)
     deviation = np.sqrt(np.diag(np.linalg.inv(J.T @ J)))
     return Fit(solution.reshape(shape), deviation.reshape(shape), misfits(solution[:, None])[..., 0], tracked(solution[:, None])[..., 0])

@@ -1,5 +1,7 @@
 """Which motion is behind the truth columns of Tables 7 and 8? Candidates, and a count of the printed cells that each meets."""
 
+from functools import cache
+
 import numpy as np
 import pandas as pd
 
@@ -29,6 +31,12 @@ def _columns(kind):
 def half_units(printed):
     """Half a unit of the last printed digit of every cell of a frame of strings, shape (rows, columns)."""
     return np.array([[last_digit(cell) for cell in row] for row in printed.to_numpy()])
+
+
+@cache
+def _truth_cells():
+    printed = printed_truth()
+    return printed.to_numpy(dtype=float), half_units(printed)
 
 
 def candidate(scheme="turned velocity", speed=SPEED, heading=HEADING, start=START, samples=SAMPLES):
@@ -77,8 +85,7 @@ def matched_cells(track, first=None):
     -------
     cells, first : int
     """
-    printed = printed_truth()
-    value, half = printed.to_numpy(dtype=float), half_units(printed)
+    value, half = _truth_cells()
     rows = len(value)
     firsts = range(1, track.shape[1] - rows + 2) if first is None else [first]
     # the last factor lets a number that rounds to the printed one by a binary hair's breadth pass

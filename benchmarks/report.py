@@ -1,0 +1,137 @@
+"""What was measured, as a table and as a figure."""
+
+import os
+import platform
+from importlib.metadata import version
+from pathlib import Path
+
+import numpy as np
+from matplotlib.figure import Figure
+from threadpoolctl import threadpool_info
+
+from benchmarks.climit import NotAvailable, compiler
+from trackhelpers import compiled
+from trackhelpers.plots import COLOURS
+
+NAMES = {
+    "ours": "ensemble",
+    "filterpy": "filterpy, model by hand",
+    "NumPy alone": "ensemble without numba",
+    "C": "C with SIMD",
+}
+STYLES = {
+    "ours": ("blue", "o"),
+    "NumPy alone": ("band", "o"),
+    "filterpy": ("orange", "s"),
+    "MotionEKF": ("vermillion", "^"),
+    "MotionKF": ("vermillion", "^"),
+    "MotionUKF": ("vermillion", "^"),
+    "Stone Soup": ("purple", "v"),
+    "simdkalman": ("purple", "v"),
+    "C": ("green", "D"),
+}
+
+
+def machine():
+    """Lines that say what this was measured on."""
+    cpu = platform.processor() or platform.machine()
+    info = Path("/proc/cpuinfo")
+    if info.exists():
+        cpu = next((line.split(":", 1)[1].strip() for line in info.read_text().splitlines() if line.startswith("model name")), cpu)
+    found = np.show_config(mode="dicts").get("SIMD Extensions", {}).get("found", [])
+    numba = f"numba {version('numba')}" if compiled.njit else "no numba"
+    lines = [
+        f"{cpu}, {os.cpu_count()} cores, {platform.system()}",
+        f"Python {platform.python_version()}, NumPy {np.__version__} ({found[-1] if found else 'its baseline'}), {numba}, one thread",
+    ]
+    kernels = sorted({f"{pool['internal_api']} {pool['version']} ({pool.get('architecture', '?')})" for pool in threadpool_info()})
+    lines.append(f"BLAS kernel: {', '.join(kernels) or 'none found'}")
+    try:
+        lines.append(f"C compiler: {compiler()[1]}, -O3 -march=native -ffast-math")
+    except NotAvailable as reason:
+        lines.append(f"C: {reason}")
+    return lines
+
+
+def duration(ns):
+    """Nanoseconds with three digits, in ns, µs or ms."""
+    for unit, size in (("ms", 1e6), ("µs", 1e3)):
+        if ns >= size:
+            return f"{ns / size:#.3g}".rstrip(".") + f" {unit}"
+    return f"{ns:.0f} ns"
+
+
+def ratio(costs, label):
+    """How many times the ensemble's cost a contender costs: the median over the rounds of the ratio within a round."""
+    return float(np.median(costs[label] / costs["ours"]))
+
+
+def times(value):
+    """×59 for what costs 59 times as much, ÷8.3 for what costs 1/8.3."""
+    sign, value = ("×", value) if value >= 1 else ("÷", 1 / value)
+    return f"{sign}{value:,.0f}" if value >= 100 else f"{sign}{value:.3g}"
+
+
+def table(first, sizes, costs):
+    """A Markdown table with one line for each of `sizes`; `costs`: size -> label -> ns over the rounds."""
+    labels = [label for label in costs[sizes[0]] if label != "ours"]
+    head = [first, "ensemble", *(NAMES.get(label, label) for label in labels)]
+    lines = ["| " + " | ".join(head) + " |", "|" + " ---: |" * len(head)]
+    for size in sizes:
+        row = costs[size]
+        cells = [f"{duration(np.median(row[label]))} · {times(ratio(row, label))}" for label in labels]
+        lines.append("| " + " | ".join([f"{size:,}", duration(np.median(row["ours"])), *cells]) + " |")
+    return lines
+
+
+def markdown(workloads, agreement, by_runs, by_steps, runs_of_steps, parallel, skipped):
+    """The whole report."""
+    lines = [
+        "# What the ensemble costs",
+        "",
+        "Cost a step and run, median over the rounds, and what that is beside the ensemble's: ×59 is 59 times as much, ÷8 an eighth. Only these ratios are",
+        "claimed: each is taken within a round, in which everyone has a turn, and the median over the rounds is shown. A loop over single filters is timed on",
+        "its first few runs, for the next ones cost the same. `make bench` measures anew; the figure is cost.png.",
+        "",
+        *(f"* {line}" for line in machine()),
+        "",
+    ]
+    for workload in workloads:
+        worst = agreement[workload.key]
+        lines += [f"## {workload.title}", ""]
+        lines += table("runs M", list(by_runs[workload.key]), by_runs[workload.key])
+        lines += [
+            "",
+            "Largest difference from the ensemble in x, P and NEES: " + ", ".join(f"{k} {v:.0e}" for k, v in worst.items()) + ".",
+            "",
+        ]
+    lines += [f"## Cost against the number of steps ({workloads[0].key}, M = {runs_of_steps:,})", ""]
+    lines += table("steps N", list(by_steps), by_steps)
+    seconds, gain = parallel
+    lines += ["", "## Two processes", ""]
+    lines += [f"`monte_carlo` with `n_jobs=2` on chunks of {seconds:.2g} s: done ×{gain:.2f} sooner than with one."]
+    if skipped:
+        lines += ["", "Not measured: " + "; ".join(f"{label}, for {reason}" for label, reason in skipped.items()) + "."]
+    return "\n".join(lines) + "\n"
+
+
+def figure(workloads, by_runs, by_steps, runs_of_steps):
+    """Cost a step and run against M, one panel a workload, and time of a whole run against N."""
+    fig = Figure(figsize=(9, 6.5), dpi=100, layout="constrained")
+    axes = fig.subplots(2, 2).ravel()
+    for ax, workload in zip(axes, workloads, strict=False):
+        _lines(ax, by_runs[workload.key], lambda size: 1.0)
+        ax.set(title=workload.key, xlabel="runs M", ylabel="cost a step and run (ns)")
+    _lines(axes[-1], by_steps, lambda N: N * 1e-9 * runs_of_steps)
+    axes[-1].set(title=f"{workloads[0].key}, M = {runs_of_steps:,}", xlabel="steps N", ylabel="time (s)")
+    return fig
+
+
+def _lines(ax, costs, factor):
+    sizes = list(costs)
+    for label in costs[sizes[0]]:
+        colour, mark = STYLES[label]
+        values = [np.median(costs[size][label]) * factor(size) for size in sizes]
+        ax.loglog(sizes, values, color=COLOURS[colour], marker=mark, markersize=4, linewidth=1.4, label=NAMES.get(label, label))
+    ax.grid(color="#DDDDDD", linewidth=0.6)
+    ax.legend(fontsize=8, frameon=False)

@@ -1,0 +1,161 @@
+"""Check, measure, report."""
+
+import argparse
+import importlib.util
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from time import perf_counter
+
+import numpy as np
+
+from benchmarks import report, workloads
+from benchmarks.climit import NotAvailable, c_loop, compiler
+from benchmarks.peers import by_hand, loops, simd, stone_soup
+from benchmarks.timing import interleaved
+from trackhelpers import angles, compiled
+from trackhelpers.ensemble import monte_carlo
+
+TOLERANCE = 1e-9  # in x, P and NEES, SI units and rad: the filters are the same, only the order of the operations differs
+LOOPED = 4  # runs for which one filter after another is timed; the next ones cost the same
+
+
+@dataclass(frozen=True)
+class Workload:
+    """One table: `ours` against `loops` (one run after another) and `arrays` (all runs at once)."""
+
+    key: str
+    title: str
+    problem: callable
+    ours: callable
+    loops: dict
+    arrays: dict
+    steps: int
+
+    @property
+    def others(self):
+        return self.loops | self.arrays
+
+
+EKF = Workload(
+    "EKF",
+    "EKF on CTRV, radar and lidar in turn, with NEES at every step",
+    workloads.ctrv_problem,
+    workloads.ensemble_ekf,
+    {"filterpy": by_hand.filterpy_ekf, "MotionEKF": loops.motion_ekf, "Stone Soup": stone_soup.stone_soup_ekf},
+    {"NumPy alone": workloads.numpy_alone(workloads.ensemble_ekf), "C": c_loop},
+    steps=200,
+)
+KF = Workload(
+    "KF",
+    "Kalman filter on CV in the plane, the gain the same for all runs",
+    workloads.cv_problem,
+    workloads.ensemble_kf,
+    {"filterpy": by_hand.filterpy_kf, "MotionKF": loops.motion_kf},
+    {"simdkalman": simd.simd_kalman},
+    steps=200,
+)
+UKF = Workload(
+    "UKF",
+    "UKF on CTRV, radar and lidar in turn",
+    workloads.ctrv_problem,
+    workloads.ensemble_ukf,
+    {"filterpy": by_hand.filterpy_ukf, "MotionUKF": loops.motion_ukf},
+    {},
+    steps=50,
+)
+WORKLOADS = (EKF, KF, UKF)
+
+
+def reason_to_skip(label):
+    """Why a contender cannot run here, or None."""
+    package = {"Stone Soup": "stonesoup", "simdkalman": "simdkalman"}.get(label)
+    if package is not None and importlib.util.find_spec(package) is None:
+        return f"the package {package} is not installed"
+    if label == "NumPy alone" and compiled.njit is None:
+        return "numba is not there, so the ensemble is NumPy alone"
+    if label == "C":
+        try:
+            compiler()
+        except NotAvailable as reason:
+            return str(reason)
+    return None
+
+
+def largest_difference(ours, other, heading):
+    """The largest difference between two results in any of their entries, angles the short way round."""
+    differences = [angles.residual(ours[name], other[name], heading if name == "x" else ()) for name in ours]
+    return max(float(np.max(np.abs(difference))) for difference in differences)
+
+
+def check(workload, runs, steps):
+    """Label -> `largest_difference` from ours on the same data, for all who can run here; ArithmeticError where it exceeds TOLERANCE."""
+    problem = workload.problem(runs, steps)
+    ours = workload.ours(problem)()
+    found = {}
+    for label, contender in workload.others.items():
+        if reason_to_skip(label) is None:
+            found[label] = largest_difference(ours, contender(problem)(), problem.model.angles)
+            if not found[label] <= TOLERANCE:
+                raise ArithmeticError(f"{workload.key}: {label} differs from the ensemble by {found[label]:.2g}, more than {TOLERANCE}")
+    return found
+
+
+def measure(workload, runs, steps, rounds, labels=None):
+    """Label -> ns a step and run, an array over the rounds; "ours" among them."""
+    problem = workload.problem(runs, steps)
+    few = problem.first(min(runs, LOOPED))
+    calls, units = {"ours": workload.ours(problem)}, {"ours": runs * steps}
+    for label, contender in workload.others.items():
+        if reason_to_skip(label) is None and (labels is None or label in labels):
+            part = few if label in workload.loops else problem
+            calls[label], units[label] = contender(part), part.runs * steps
+    return {label: 1e9 * seconds / units[label] for label, seconds in interleaved(calls, rounds).items()}
+
+
+def filter_chunk(steps):
+    """A Monte Carlo task: one chunk of runs through EnsembleEKF."""
+
+    def task(rngs):
+        result = workloads.ensemble_ekf(workloads.ctrv_problem(len(rngs), steps, rngs))()
+        return {"NEES": result["NEES"] * len(rngs)}
+
+    return task
+
+
+def speed_up(chunks, chunk, steps, rounds):
+    """Seconds a chunk on one core, and how much sooner two processes are done: the median over the rounds."""
+    task, times = filter_chunk(steps), {1: [], 2: []}
+    monte_carlo(task, 2 * chunk, workloads.SEED, n_jobs=2, chunk=chunk)  # starts the processes
+    for _ in range(rounds):
+        for n_jobs in times:
+            begin = perf_counter()
+            monte_carlo(task, chunks * chunk, workloads.SEED, n_jobs=n_jobs, chunk=chunk)
+            times[n_jobs].append(perf_counter() - begin)
+    return float(np.median(times[1])) / chunks, float(np.median(np.divide(times[1], times[2])))
+
+
+def main(arguments=None):
+    """The command line; returns the exit status."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks", description=__doc__)
+    parser.add_argument("--quick", action="store_true", help="few runs and steps, nothing is written")
+    parser.add_argument("--out", type=Path, default=Path(__file__).parent, help="folder for results.md and cost.png (this one)")
+    options = parser.parse_args(arguments)
+    sizes, lengths, rounds, runs = ((8,), (10,), 1, 8) if options.quick else ((1, 10, 100, 1000, 10_000), (50, 100, 200, 400, 800), 5, 1000)
+
+    try:
+        agreement = {w.key: check(w, runs=8, steps=20 if options.quick else w.steps) for w in WORKLOADS}
+    except ArithmeticError as error:
+        print(error, file=sys.stderr)
+        return 1
+    by_runs = {w.key: {M: measure(w, M, 20 if options.quick else w.steps, rounds) for M in sizes} for w in WORKLOADS}
+    by_steps = {N: measure(EKF, runs, N, rounds, labels=("filterpy", "C")) for N in lengths}
+    parallel = speed_up(2, 5, 10, 1) if options.quick else speed_up(8, 1000, 500, 3)
+    skipped = {label: reason_to_skip(label) for w in WORKLOADS for label in w.others if reason_to_skip(label)}
+
+    text = report.markdown(WORKLOADS, agreement, by_runs, by_steps, runs, parallel, skipped)
+    print(text)
+    if not options.quick:
+        (options.out / "results.md").write_text(text, encoding="utf-8")
+        report.figure(WORKLOADS, by_runs, by_steps, runs).savefig(options.out / "cost.png")
+    return 0
