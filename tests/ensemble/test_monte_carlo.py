@@ -197,6 +197,11 @@ def test_a_cluster_gives_the_result_of_one_process(cluster, expected, n_jobs):
     assert monte_carlo(lambda rngs: {"elsewhere": os.getpid() != home}, 9, SEED, n_jobs=n_jobs, chunk=1)["elsewhere"] == 9
 
 
+def test_more_chunks_than_a_cluster_holds_at_a_time_are_all_run(cluster, expected, monkeypatch):
+    monkeypatch.setattr("trackhelpers.ensemble.montecarlo._ON_CLUSTER", 3)
+    assert_same(monte_carlo(moments, RUNS, SEED, reduce=REDUCE, chunk=10), expected)
+
+
 def test_an_exception_on_a_cluster_arrives_with_its_type(cluster):
     def task(rngs):
         raise ZeroDivisionError("run 0 went wrong")

@@ -25,6 +25,7 @@ def draw_track(ax, track, zs, x):
     plots.measured(ax, *np.array(zs[::2]).T, sensor="lidar", color=plots.COLOURS["green"], markersize=3)
     plots.truth(ax, *track[:2])
     plots.estimate(ax, *x[:2], label="estimate (EKF)", linewidth=1.2)
+    ax.plot(0, 0, marker="^", color=plots.COLOURS["vermillion"], linestyle="none", label="both sensors", zorder=4)
     ax.set(xlabel="x (m)", ylabel="y (m)", aspect="equal")
 
 
