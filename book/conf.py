@@ -21,3 +21,5 @@ html_show_copyright = False
 html_show_sphinx = False
 html_static_path = ["_static"]
 html_css_files = ["wide.css"]
+nb_code_prompt_show = "Show the solution"  # what is folded is always one
+nb_code_prompt_hide = "Hide the solution"

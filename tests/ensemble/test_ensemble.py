@@ -100,6 +100,14 @@ def test_a_run_that_breaks_down_is_named_and_leaves_its_neighbours_bit_for_bit(E
     assert np.array_equal(spoilt.x[:, others], clean.x[:, others]) and np.array_equal(spoilt.P[..., others], clean.P[..., others])
 
 
+def test_a_singular_innovation_covariance_of_an_asymmetric_run_spares_the_others():
+    model = CTRV(Q=0.01 * np.eye(5), checked=False)
+    ens = EnsembleEKF(model, start(model), np.eye(5))
+    ens.P[:2, :, 1] = 0
+    ens.update(ZS[0], Lidar(0.0))
+    assert np.array_equal(np.flatnonzero(ens.failed), [1])
+
+
 def test_covariance_stays_symmetric_and_positive_over_many_extreme_steps():
     model = CTRV(1e-3, 1e-3)
     ens = EnsembleEKF(model, start(model), 1e8 * np.eye(5))

@@ -229,7 +229,7 @@ def test_a_chunk_that_kills_every_worker_of_a_cluster_is_an_error_that_counts_th
             os.kill(os.getpid(), signal.SIGKILL)
         return {"runs": len(rngs)}
 
-    with pytest.raises(RuntimeError, match="a worker died after 5 of 20 chunks"):
+    with pytest.raises(RuntimeError, match=r"a worker died after [0-5] of 20 chunks"):
         monte_carlo(task, 20, SEED, chunk=1)
     assert monte_carlo(moments, 20, SEED, chunk=1)["count"] == 20
 

@@ -108,7 +108,9 @@ def correct_unsymmetric(P, H, R):
     """
     PHt = np.einsum("ij...,kj...->ik...", P, H)
     S = matmul(H, PHt) + R.reshape(*R.shape, *[1] * (P.ndim - 2))
-    K = matmul(PHt, np.moveaxis(np.linalg.inv(np.moveaxis(S, -1, 0)), 0, -1))
+    stack = np.moveaxis(S, -1, 0).copy()
+    stack[~(np.abs(np.linalg.det(stack)) > 0)] = np.nan  # one lost run must not stop the others: inv refuses a singular matrix, not NaN
+    K = matmul(PHt, np.moveaxis(np.linalg.inv(stack), 0, -1))
     A = np.eye(len(P))[..., None] - matmul(K, H)
     return K, S, congruence(A, P) + congruence(K, R)
 

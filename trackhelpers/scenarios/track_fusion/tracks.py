@@ -72,7 +72,7 @@ def simulate(rngs, truth, pair, sigma_a=0.0):
     Parameters
     ----------
     rngs : sequence of numpy.random.Generator
-        One a run.
+        One a run, not yet drawn from: a generator that has been used gives other noise.
     truth : array_like, shape (4, N)
         The track without process noise.
     pair : two sensors
