@@ -104,7 +104,7 @@ def covariance_intersection(x1, P1, x2, P2):
     """Covariance intersection: P⁻¹ = ωP₁⁻¹ + (1−ω)P₂⁻¹ with the ω in [0, 1] that makes det P least. Never overconfident, whatever the correlation.
 
     With λ the eigenvalues of P₂P₁⁻¹ the determinant's logarithm is −Σ log(1 + ω(λ − 1)) up to a constant; it is convex, and the root of its derivative is
-    found by bisection, for all runs at once.
+    found by bisection, for all runs at once. Where every ω is as good as any other, P₁ = P₂, it is ½.
 
     Parameters
     ----------
@@ -128,8 +128,8 @@ def covariance_intersection(x1, P1, x2, P2):
     low, high = np.zeros(ratios.shape[:-1]), np.ones(ratios.shape[:-1])
     for _ in range(60):
         middle = 0.5 * (low + high)
-        rising = np.sum(ratios / (1 + middle[..., None] * ratios), axis=-1) > 0  # det P still falls
-        low, high = np.where(rising, middle, low), np.where(rising, high, middle)
+        slope = np.sum(ratios / (1 + middle[..., None] * ratios), axis=-1)
+        low, high = np.where(slope > 1e-9, middle, low), np.where(slope < -1e-9, middle, high)
     omega = 0.5 * (low + high)
     P = inverse(omega * first + (1 - omega) * second)
     return matvec(P, matvec(omega * first, x1) + matvec((1 - omega) * second, x2)), symmetrised(P)

@@ -152,6 +152,11 @@ def test_covariance_intersection_of_equal_shapes_is_the_convex_state_with_twice_
     same((x, P), (convex[0], 2 * convex[1]))
 
 
+def test_covariance_intersection_of_equal_covariances_takes_the_middle():
+    P = np.diag([1e4, 1e-2, 1.0, 5.0]) + 1e-3
+    same(covariance_intersection(x1, P, x2, P * (1 + 1e-13)), ((x1 + x2) / 2, P), 1e-9)
+
+
 def test_covariance_intersection_never_believes_more_than_is_true():
     P1, P2 = covariance(6, 2), covariance(7, 2)
     _, P = covariance_intersection([0.0, 0], P1, [0.0, 0], P2)
