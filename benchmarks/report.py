@@ -117,13 +117,13 @@ def markdown(workloads, agreement, by_runs, by_steps, runs_of_steps, parallel, s
 
 def figure(workloads, by_runs, by_steps, runs_of_steps):
     """Cost a step and run against M, one panel a workload, and time of a whole run against N."""
-    fig = Figure(figsize=(9, 6.5), dpi=100, layout="constrained")
+    fig = Figure(figsize=(11, 6.5), dpi=100, layout="constrained")
     axes = fig.subplots(2, 2).ravel()
     for ax, workload in zip(axes, workloads, strict=False):
-        _lines(ax, by_runs[workload.key], lambda size: 1.0)
-        ax.set(title=workload.key, xlabel="runs M", ylabel="cost a step and run (ns)")
+        _lines(ax, by_runs[workload.key], lambda size: 1e-3)
+        ax.set(title=workload.key, xlabel="runs M", ylabel="cost a step and run (µs)")
     _lines(axes[-1], by_steps, lambda N: N * 1e-9 * runs_of_steps)
-    axes[-1].set(title=f"{workloads[0].key}, M = {runs_of_steps:,}", xlabel="steps N", ylabel="time (s)")
+    axes[-1].set(title=f"{workloads[0].key}, M = {runs_of_steps:,}", xlabel="steps N", ylabel="time of all runs (s)")
     return fig
 
 
@@ -133,5 +133,7 @@ def _lines(ax, costs, factor):
         colour, mark = STYLES[label]
         values = [np.median(costs[size][label]) * factor(size) for size in sizes]
         ax.loglog(sizes, values, color=COLOURS[colour], marker=mark, markersize=4, linewidth=1.4, label=NAMES.get(label, label))
+    ax.set_xticks(sizes, [f"{size:,}" for size in sizes])
+    ax.minorticks_off()
     ax.grid(color="#DDDDDD", linewidth=0.6)
-    ax.legend(fontsize=8, frameon=False)
+    ax.legend(loc="upper left", bbox_to_anchor=(1, 1), fontsize=8, frameon=False)

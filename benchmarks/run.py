@@ -17,7 +17,7 @@ from trackhelpers import angles, compiled
 from trackhelpers.ensemble import monte_carlo
 
 TOLERANCE = 1e-9  # in x, P and NEES, SI units and rad: the filters are the same, only the order of the operations differs
-LOOPED = 4  # runs for which one filter after another is timed; the next ones cost the same
+LOOPED = 2  # runs for which one filter after another is timed; the next ones cost the same
 
 
 @dataclass(frozen=True)
@@ -44,7 +44,7 @@ EKF = Workload(
     workloads.ensemble_ekf,
     {"filterpy": by_hand.filterpy_ekf, "MotionEKF": loops.motion_ekf, "Stone Soup": stone_soup.stone_soup_ekf},
     {"NumPy alone": workloads.numpy_alone(workloads.ensemble_ekf), "C": c_loop},
-    steps=200,
+    steps=100,
 )
 KF = Workload(
     "KF",
@@ -62,7 +62,7 @@ UKF = Workload(
     workloads.ensemble_ukf,
     {"filterpy": by_hand.filterpy_ukf, "MotionUKF": loops.motion_ukf},
     {},
-    steps=50,
+    steps=30,
 )
 WORKLOADS = (EKF, KF, UKF)
 
@@ -101,16 +101,20 @@ def check(workload, runs, steps):
     return found
 
 
-def measure(workload, runs, steps, rounds, labels=None):
-    """Label -> ns a step and run, an array over the rounds; "ours" among them."""
-    problem = workload.problem(runs, steps)
-    few = problem.first(min(runs, LOOPED))
-    calls, units = {"ours": workload.ours(problem)}, {"ours": runs * steps}
-    for label, contender in workload.others.items():
-        if reason_to_skip(label) is None and (labels is None or label in labels):
-            part = few if label in workload.loops else problem
-            calls[label], units[label] = contender(part), part.runs * steps
-    return {label: 1e9 * seconds / units[label] for label, seconds in interleaved(calls, rounds).items()}
+def measure(workload, shapes, rounds, labels=None):
+    """(runs, steps) -> label -> ns a step and run, an array over the rounds; "ours" among the labels. All sizes take part in every round."""
+    calls, units = {}, {}
+    for runs, steps in shapes:
+        problem = workload.problem(runs, steps)
+        contenders = {"ours": workload.ours} | {k: v for k, v in workload.others.items() if labels is None or k in labels}
+        for label, contender in contenders.items():
+            if reason_to_skip(label) is None:
+                part = problem.first(min(runs, LOOPED)) if label in workload.loops else problem
+                calls[runs, steps, label], units[runs, steps, label] = contender(part), part.runs * steps
+    costs = {shape: {} for shape in shapes}
+    for (runs, steps, label), seconds in interleaved(calls, rounds).items():
+        costs[runs, steps][label] = 1e9 * seconds / units[runs, steps, label]
+    return costs
 
 
 def filter_chunk(steps):
@@ -141,16 +145,21 @@ def main(arguments=None):
     parser.add_argument("--quick", action="store_true", help="few runs and steps, nothing is written")
     parser.add_argument("--out", type=Path, default=Path(__file__).parent, help="folder for results.md and cost.png (this one)")
     options = parser.parse_args(arguments)
-    sizes, lengths, rounds, runs = ((8,), (10,), 1, 8) if options.quick else ((1, 10, 100, 1000, 10_000), (50, 100, 200, 400, 800), 5, 1000)
+    sizes, lengths, rounds, runs = (1, 10, 100, 1000, 10_000), (50, 100, 200, 400, 800), 5, 1000
+    if options.quick:
+        sizes, lengths, rounds, runs = (8,), (10,), 1, 8
 
     try:
         agreement = {w.key: check(w, runs=8, steps=20 if options.quick else w.steps) for w in WORKLOADS}
     except ArithmeticError as error:
         print(error, file=sys.stderr)
         return 1
-    by_runs = {w.key: {M: measure(w, M, 20 if options.quick else w.steps, rounds) for M in sizes} for w in WORKLOADS}
-    by_steps = {N: measure(EKF, runs, N, rounds, labels=("filterpy", "C")) for N in lengths}
-    parallel = speed_up(2, 5, 10, 1) if options.quick else speed_up(8, 1000, 500, 3)
+    by_runs, by_steps = {}, measure(EKF, [(runs, N) for N in lengths], rounds, labels=("filterpy", "C"))
+    by_steps = {N: cost for (_, N), cost in by_steps.items()}
+    for w in WORKLOADS:
+        costs = measure(w, [(M, 20 if options.quick else w.steps) for M in sizes], rounds)
+        by_runs[w.key] = {M: cost for (M, _), cost in costs.items()}
+    parallel = speed_up(2, 5, 10, 1) if options.quick else speed_up(8, 1000, 200, 3)
     skipped = {label: reason_to_skip(label) for w in WORKLOADS for label in w.others if reason_to_skip(label)}
 
     text = report.markdown(WORKLOADS, agreement, by_runs, by_steps, runs, parallel, skipped)

@@ -1,5 +1,7 @@
 """What is committed holds together: ledgers bear their verdicts out, notebooks have their form, README is in step."""
 
+import re
+
 import nbformat
 import pytest
 
@@ -73,6 +75,13 @@ def test_chapter_has_its_parts(path):
     folded = [cell for cell in nb.cells if cell.cell_type == "code" and "hide-input" in cell.metadata.get("tags", [])]
     assert 1 <= code.count("# your code here") <= len(folded), "every exercise has a folded solution"
     assert "ledger.write()" in [cell for cell in nb.cells if cell.cell_type == "code"][-1].source
+
+
+@pytest.mark.parametrize("path", PAGES, ids=name)
+def test_links_to_other_notebooks_lead_somewhere(path):
+    text = "\n".join(cell.source for cell in nbformat.read(path, as_version=4).cells if cell.cell_type == "markdown")
+    dead = [link for link in re.findall(r"\]\(([^)\s#]+\.ipynb)", text) if not (path.parent / link).exists()]
+    assert not dead
 
 
 def test_start_page_links_to_every_chapter():

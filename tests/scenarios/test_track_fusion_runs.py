@@ -10,7 +10,6 @@ from trackhelpers.scenarios.track_fusion_runs import (
     axis_errors,
     combined_covariance,
     exact,
-    intersection,
     over,
     rule_weights,
     rules,
@@ -49,17 +48,6 @@ def test_all_steps_at_once_equal_the_rules_step_by_step(start):
     for name in METHODS:
         np.testing.assert_allclose(at_once[name].W[..., DEFINED], stepwise[name].W[..., DEFINED], atol=1e-10)
         np.testing.assert_allclose(at_once[name].P[..., DEFINED], stepwise[name].P[..., DEFINED], rtol=1e-10, atol=1e-9)
-
-
-def test_equal_covariances_are_intersected_in_the_middle_and_others_are_not():
-    equal, other = np.diag([2.0, 3.0]), np.diag([4.0, 1.0])
-    x, P = intersection([0.0, 0.0], equal, [2.0, 4.0], equal)
-    np.testing.assert_allclose(x, [1.0, 2.0])
-    np.testing.assert_allclose(P, equal)
-    x, P = intersection(np.zeros((2, 2)), equal[..., None] * [1, 1], np.ones((2, 2)), np.stack([equal, other], axis=-1))
-    alone = covariance_intersection(np.zeros(2), equal, np.ones(2), other)
-    np.testing.assert_allclose(x, np.stack([[0.5, 0.5], alone[0]], axis=-1), atol=1e-12)
-    np.testing.assert_allclose(P[..., 1], alone[1])
 
 
 @pytest.mark.parametrize(("start", "sigma_a"), [("prior", 0.0), ("two points", 0.0), ("two points", 0.2)])

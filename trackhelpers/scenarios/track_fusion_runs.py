@@ -27,16 +27,6 @@ class Errors(NamedTuple):
     by_run: np.ndarray | None = None  # (windows, 6, 4, M) mean square over each window, run by run; sampled errors only
 
 
-def intersection(x1, P1, x2, P2):
-    """`trackhelpers.fusion.covariance_intersection`, with ω = ½ where the two covariances are equal.
-
-    There every ω gives the same determinant, and rounding alone would choose; the middle is the choice that treats both tracks alike.
-    """
-    same = np.isclose(P1, P2, rtol=1e-9, atol=0).all(axis=(0, 1))
-    x, P = covariance_intersection(x1, P1, x2, P2)
-    return np.where(same, 0.5 * (np.asarray(x1) + np.asarray(x2)), x), np.where(same, P1, P)
-
-
 def rule_weights(P1, P2, P12):
     """What the three rules do with two tracks.
 
@@ -58,7 +48,7 @@ def rule_weights(P1, P2, P12):
     fused = {
         "convex": [convex_combination([unit, nought], [P1, P2]) for unit in units],
         "BSC": [bar_shalom_campo(unit, P1, nought, P2, P12) for unit in units],
-        "CI": [intersection(unit, P1, nought, P2) for unit in units],
+        "CI": [covariance_intersection(unit, P1, nought, P2) for unit in units],
     }
     return {name: (np.stack([x for x, _ in columns], axis=1), columns[0][1]) for name, columns in fused.items()}
 

@@ -16,7 +16,9 @@ METADATA = {
 }
 VOLATILE = ("ExecuteTime", "collapsed", "execution", "scrolled", "trusted")
 ADDRESS = re.compile(r"\bat 0x[0-9A-Fa-f]+")
-COLOURS = 128  # in a stored figure: no eye tells it from the drawn one, and it takes a third of the bytes, in every version that history keeps
+COLOURS = (
+    128  # in a stored figure: no eye tells it from the drawn one, and it takes a third of the bytes, in every version that history keeps
+)
 WIDGET = "application/vnd.jupyter.widget-view+json"
 
 
