@@ -5,7 +5,9 @@ import os
 import pytest
 
 from trackhelpers.ledger import COLUMNS, VERDICTS, Ledger, compare, files, read_ledger, summary, summary_markdown
-from trackhelpers.ledger.readme import END, START, in_step, with_summary
+from trackhelpers.ledger.readme import in_step, with_summary
+
+START, END = "<!-- ledger:start -->", "<!-- ledger:end -->"
 
 
 def write(folder, monkeypatch, notebook="2_kalman_filter", ours=1.0, note="", residual=2e-16, ids=("cell", "equation")):

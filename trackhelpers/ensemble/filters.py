@@ -166,6 +166,8 @@ class EnsembleKF(_Ensemble):
         if not model.linear:
             raise ValueError(f"model: expected a linear model (CV, CA), got {model!r}; use EnsembleEKF or EnsembleUKF")
         super().__init__(model, x0, P0)
+        self._step = None, None, None  # dt, F, Q of the last prediction
+        self._seen = None, None  # sensor and H of the last update
 
     def _shared(name):
         def read(self):
@@ -180,8 +182,10 @@ class EnsembleKF(_Ensemble):
     def predict(self, dt):
         """Predict over `dt` seconds, dt ≥ 0."""
         dt = check_dt(dt)
-        reference = np.zeros(self.model.n)
-        F, Q = self.model.F(reference, dt), self.model.Q(reference, dt)
+        if self._step[0] != dt:  # F and Q depend on dt alone
+            reference = np.zeros(self.model.n)
+            self._step = dt, self.model.F(reference, dt), self.model.Q(reference, dt)
+        _, F, Q = self._step
         self.x = F @ self.x
         if self._P.ndim == 2:
             self._P = symmetrised(F @ self._P @ F.T + Q)
@@ -195,13 +199,21 @@ class EnsembleKF(_Ensemble):
         return z, mask
 
     def _corrected(self, x, P, z, sensor):
-        H = sensor.H(np.zeros(self.model.n))
+        if self._seen[0] is not sensor:
+            self._seen = sensor, sensor.H(np.zeros(self.model.n))
+        H, R = self._seen[1], sensor.R
         y = z - H @ x
-        one = self._P.ndim == 2 and x.shape[1] == self.runs
-        K, S, P = correct(self._P[..., None] if one else P, sensor.entries(np.zeros(self.model.n)), sensor.R)
-        if not one:
+        if self._P.ndim == 3 or x.shape[1] != self.runs:  # some runs differ from the others
+            K, S, P = correct(P, sensor.entries(np.zeros(self.model.n)), R)
             return x + matvec(K, y), P, y, S, K
-        return x + K[..., 0] @ y, P[..., 0], y, S[..., 0], K[..., 0]
+        P = self._P
+        S = H @ P @ H.T + R
+        try:
+            K = np.linalg.solve(S, H @ P).T
+        except np.linalg.LinAlgError:
+            K = np.full((self.model.n, sensor.m), np.nan)
+        A = np.eye(self.model.n) - K @ H
+        return x + K @ y, symmetrised(A @ P @ A.T + K @ R @ K.T), y, S, K
 
 
 class EnsembleUKF(_Ensemble):

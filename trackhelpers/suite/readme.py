@@ -1,14 +1,15 @@
-"""The README's two generated parts: the summary of the ledger, and one figure taken from a notebook."""
+"""The README's generated parts: the summary of the ledger, the measured speed, and one figure taken from a notebook."""
 
 import base64
 
 import nbformat
 
 from trackhelpers.ledger import read_ledger
-from trackhelpers.ledger.readme import with_summary
+from trackhelpers.ledger.readme import replaced, with_summary
 from trackhelpers.suite import NOTEBOOKS, ROOT
 
 FIGURE = ROOT / "book" / "readme.png"
+SPEED = ROOT / "benchmarks" / "results.md"
 FIGURE_TAG = "readme-figure"
 
 
@@ -30,8 +31,14 @@ def tagged_figure(folder=NOTEBOOKS):
     return base64.b64decode(found[0])
 
 
+def generated(text):
+    """Return the README's `text` with its generated blocks in step with the committed ledger and the last measurement."""
+    _, _, measured = SPEED.read_text(encoding="utf-8").partition("\n")
+    return replaced(with_summary(text, read_ledger()), "speed", measured.strip().replace("\n## ", "\n#### ") + "\n")
+
+
 def write():
-    """Bring README.md and its figure in step with the committed notebooks."""
+    """Bring README.md and its figure in step with what is committed."""
     readme = ROOT / "README.md"
-    readme.write_text(with_summary(readme.read_text(encoding="utf-8"), read_ledger()), encoding="utf-8", newline="\n")
+    readme.write_text(generated(readme.read_text(encoding="utf-8")), encoding="utf-8", newline="\n")
     FIGURE.write_bytes(tagged_figure())
