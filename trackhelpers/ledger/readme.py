@@ -2,7 +2,7 @@
 
 from .files import summary_markdown
 
-__all__ = ["in_step", "replaced", "with_summary"]
+__all__ = ["replaced", "with_summary"]
 
 
 def replaced(text, name, body):
@@ -24,8 +24,3 @@ def replaced(text, name, body):
 def with_summary(text, ledger):
     """Return a README's `text` with the summary of `ledger` between its two marks."""
     return replaced(text, "ledger", summary_markdown(ledger))
-
-
-def in_step(text, ledger):
-    """Return whether the block of a README's `text` is the summary of `ledger`."""
-    return with_summary(text, ledger) == text
