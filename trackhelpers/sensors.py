@@ -6,7 +6,7 @@ A sensor learns the layout of the state from the names of the model, ``Radar(sig
 import numpy as np
 
 from trackhelpers import angles as _angles
-from trackhelpers.arrays import check_array, check_scale
+from trackhelpers.arrays import check_array, check_covariance, check_scale
 
 CTRV_STATE = ("x", "y", "v", "θ", "ω")
 
@@ -214,3 +214,42 @@ class Radar(RangeBearing):
             return entries | {(2, k): c, (2, l): s}
         heading = x[l]
         return entries | {(2, k): c * np.cos(heading) + s * np.sin(heading), (2, l): -rho * across}
+
+
+class LinearSensor(Sensor):
+    """A linear sensor that is given by its matrices.
+
+    Parameters
+    ----------
+    H : array_like, shape (m, n)
+    R : array_like, shape (m, m)
+        Covariance of the noise; its components may be correlated.
+    state : sequence of str
+        Names of the n components of the state.
+    names : sequence of str, optional
+        Names of the m measured components; default z1, z2, …
+
+    Raises
+    ------
+    ValueError
+        An H that does not fit the state or is not finite, an R that is no covariance of its size.
+    """
+
+    linear = True
+
+    def __init__(self, H, R, state, names=None):
+        H = np.atleast_2d(np.asarray(H, dtype=float))
+        self.names = tuple(f"z{i + 1}" for i in range(len(H))) if names is None else tuple(names)
+        R = check_covariance(R, "R", len(self.names))
+        super().__init__(np.sqrt(np.diag(R)), state)
+        self.R = R
+        self.R.setflags(write=False)
+        self._H = check_array(H, "H", self.m, (len(self.state),))
+        if not np.all(np.isfinite(self._H)):
+            raise ValueError("H: expected finite numbers")
+
+    def _h(self, x):
+        return list(np.einsum("ij,j...->i...", self._H, x))
+
+    def _entries(self, x):
+        return {(int(i), int(j)): float(self._H[i, j]) for i, j in zip(*np.nonzero(self._H), strict=True)}

@@ -1,5 +1,25 @@
 """Filters: thin subclasses of filterpy's, one target at a time, to be read and stepped through."""
 
+from trackhelpers.filters.augmented_bias import READINGS, AugmentedBiasKF, augmented_matrices
+from trackhelpers.filters.imm import ManoeuvreIMM
+from trackhelpers.filters.input_estimation import InputEstimationKF
+from trackhelpers.filters.matrices import MatrixKF
 from trackhelpers.filters.motion import MotionEKF, MotionKF, MotionUKF
+from trackhelpers.filters.strong_tracking import StrongTrackingKF
+from trackhelpers.filters.variable_dimension import VariableDimensionKF
+from trackhelpers.filters.variance_inflation import VarianceInflationKF
 
-__all__ = ["MotionEKF", "MotionKF", "MotionUKF"]
+__all__ = [
+    "READINGS",
+    "AugmentedBiasKF",
+    "InputEstimationKF",
+    "ManoeuvreIMM",
+    "MatrixKF",
+    "MotionEKF",
+    "MotionKF",
+    "MotionUKF",
+    "StrongTrackingKF",
+    "VariableDimensionKF",
+    "VarianceInflationKF",
+    "augmented_matrices",
+]

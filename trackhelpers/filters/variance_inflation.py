@@ -1,0 +1,68 @@
+"""Variance inflation: more process noise as long as the innovations say that the target manoeuvres (paper 3, introduction)."""
+
+import numpy as np
+
+from trackhelpers.arrays import check_scale
+from trackhelpers.consistency import nis
+from trackhelpers.detection import check_window, fading_limit
+from trackhelpers.filters.matrices import MatrixKF
+
+
+class VarianceInflationKF(MatrixKF):
+    """Kalman filter that multiplies Q by a constant while a fading sum of its squared innovations is above its limit.
+
+    The innovations are normalised by the covariance that the filter would have had without any inflation; otherwise the inflated filter would find itself
+    consistent, go back at once, and chatter.
+
+    Parameters
+    ----------
+    F, H, Q, R, x0, P0
+        As for `MatrixKF`.
+    inflation : float
+        What Q is multiplied by, ≥ 1.
+    window : int
+        Steps that the fading sum remembers; see `trackhelpers.detection.fading_limit`.
+    probability : float
+        With which the sum stays below its limit while the target does not manoeuvre.
+
+    Attributes
+    ----------
+    manoeuvring : bool
+        Whether the last update was made with the inflated Q.
+
+    References
+    ----------
+    Y. Bar-Shalom, K. Birmiwal, IEEE Transactions on Aerospace and Electronic Systems AES-18 (1982) 621–629; reference 5 of paper 3.
+    """
+
+    def __init__(self, F, H, Q, R, x0, P0, inflation=100.0, window=5, probability=0.999):
+        super().__init__(F, H, Q, R, x0, P0)
+        self.inflation = check_scale(inflation, "inflation")
+        if self.inflation < 1:
+            raise ValueError(f"inflation: expected a factor ≥ 1, got {inflation!r}")
+        self.window = check_window(window)
+        self.limit = fading_limit(self.dim_z, self.window, probability)
+        self.statistic, self.manoeuvring = 0.0, False
+        self._quiet_P = self.P.copy()
+
+    def predict(self):
+        """Predict with the plain Q; `update` adds the rest where it is wanted."""
+        super().predict()
+        self._quiet_P = self.F @ self._quiet_P @ self.F.T + self.Q
+
+    def update(self, z):
+        """Correct by measurement `z`, shape (m,); None leaves the prediction and the fading sum."""
+        if z is None:
+            self._no_measurement()
+            return
+        z = self._measurement(z)
+        quiet_S = self.H @ self._quiet_P @ self.H.T + self.R
+        self.statistic = (1 - 1 / self.window) * self.statistic + nis(z - self.H @ self.x, quiet_S)
+        self.manoeuvring = bool(self.statistic > self.limit)
+        if self.manoeuvring:
+            self.P = self.P + (self.inflation - 1) * self.Q
+            self.P_prior = self.P.copy()
+        K = np.linalg.solve(quiet_S, self.H @ self._quiet_P).T
+        A = np.eye(self.dim_x) - K @ self.H
+        self._quiet_P = A @ self._quiet_P @ A.T + K @ self.R @ K.T
+        super().update(z)

@@ -1,0 +1,50 @@
+"""A linear model that is given by its matrices for one step, such as an augmented one."""
+
+import numpy as np
+
+from trackhelpers.arrays import check_array, check_dt
+from trackhelpers.motion.base import Model
+
+
+class LinearModel(Model):
+    """x(t + dt) = F x(t) + w with the covariance Q of w, for the one step dt for which F and Q are given.
+
+    Parameters
+    ----------
+    F : array_like, shape (n, n)
+    Q : array_like, shape (n, n)
+    dt : float
+        The step, s, > 0.
+    state : sequence of str
+        Names of the n components.
+    checked : bool
+        As for `Model`.
+
+    Raises
+    ------
+    ValueError
+        Shapes that do not fit the names, an F that is not finite, a Q that is no covariance; from `f`, `F` and `Q` another step than `dt`.
+    """
+
+    linear = True
+
+    def __init__(self, F, Q, dt, state, checked=True):
+        self.state = tuple(state)
+        self._F = check_array(F, "F", self.n, (self.n,))
+        if not np.all(np.isfinite(self._F)):
+            raise ValueError("F: expected finite numbers")
+        self.dt = check_dt(dt)
+        super().__init__([], Q=Q, checked=checked)
+
+    def _arguments(self, x, dt):
+        x, dt = super()._arguments(x, dt)
+        if abs(dt - self.dt) > 1e-12 * self.dt:
+            raise ValueError(f"dt: expected {self.dt} s, for which the matrices were given, got {dt}")
+        return x, dt
+
+    def _rows(self, x, dt, arc):
+        return np.einsum("ij,j...->i...", self._F, x)
+
+    def _jacobian(self, x, dt, arc):
+        difference = self._F - np.eye(self.n)
+        return {(i, j): self._F[i, j] for i, j in zip(*np.nonzero(difference), strict=True)}

@@ -1,0 +1,171 @@
+"""The filters of paper 3 and their rivals, each as one filterpy subclass and as an ensemble.
+
+Every contender is handed a start x0 and stands on the same measured positions. The filters whose gain does not depend on the data are one matrix model each, and run on
+`EnsembleKF`; the others have ensembles of their own.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from trackhelpers.ensemble import EnsembleKF
+from trackhelpers.ensemble.adaptive import EnsembleInputEstimationKF, EnsembleStrongTrackingKF, EnsembleVarianceInflationKF
+from trackhelpers.ensemble.switching import EnsembleIMM, EnsembleVariableDimensionKF
+from trackhelpers.filters import (
+    AugmentedBiasKF,
+    InputEstimationKF,
+    ManoeuvreIMM,
+    MatrixKF,
+    StrongTrackingKF,
+    VariableDimensionKF,
+    VarianceInflationKF,
+    augmented_matrices,
+)
+from trackhelpers.filters.strong_tracking import axes_seen
+from trackhelpers.motion import CA, CV, LinearModel, Singer
+from trackhelpers.scenarios.augmented_bias.target import P0, R, T
+from trackhelpers.sensors import LinearSensor
+
+SIGMA_A = 0.1  # m/s²: Q_cv = diag(0.01, 0.01) is printed, and taken as the covariance of the acceleration
+MODEL = CV(SIGMA_A, axes=2)
+F, Q, GAMMA = MODEL.F(np.zeros(4), T), MODEL.Q(np.zeros(4), T), MODEL.G(np.zeros(4), T)
+H = np.array([[1.0, 0, 0, 0], [0, 0, 1, 0]])
+
+# Q_Λ is garbled in print ("0.1.0.1.": four components); the first is the default, the last is rank one an axis, q ΓΓᵀ
+BIAS_NOISE = {
+    "0.01, 0.01": np.diag([0.01, 0.01, 0.01, 0.01]),
+    "0.1, 0.01": np.diag([0.1, 0.01, 0.1, 0.01]),
+    "0.001, 0.001": np.diag([0.001, 0.001, 0.001, 0.001]),
+    "0.01 ΓΓᵀ": 0.01 * GAMMA @ GAMMA.T,
+}
+ACCELERATING = CA(0.1, axes=2)  # the same increment as in 0.01 ΓΓᵀ
+CORRELATED = Singer(2.0, 20.0, axes=2)
+POSITION_VELOCITY = np.kron(np.eye(2), [[1.0, 0, 0], [0, 1, 0]])  # what is estimated, of a state with accelerations
+
+
+@dataclass(frozen=True)
+class Linear:
+    """A filter whose gain is known before any measurement: matrices of its own state, and the estimate (4, n) as a function of it."""
+
+    name: str
+    F: np.ndarray
+    H: np.ndarray
+    Q: np.ndarray
+    to_estimate: np.ndarray
+    from_start: np.ndarray  # (n, 4): the state at the start, from the start of position and velocity
+    honest: bool = True  # whether its covariance means something
+
+    @property
+    def P0(self):
+        """Covariance of its state at the start."""
+        return self.from_start @ P0 @ self.from_start.T
+
+    @cached_property
+    def model(self):
+        return LinearModel(self.F, self.Q, T, [f"c{i}" for i in range(len(self.F))])
+
+    @cached_property
+    def sensor(self):
+        return LinearSensor(self.H, R, self.model.state)
+
+    def single(self, x0):
+        """The filterpy subclass, started at x0 (4,)."""
+        return MatrixKF(self.F, self.H, self.Q, R, self.from_start @ x0, self.P0)
+
+    def follow(self, x0, z):
+        """Yield estimate (4, M) and its covariance (4, 4), a view (4, 4, M), after each measurement of z (2, N, M), from x0 (4, M)."""
+        ens = EnsembleKF(self.model, self.from_start @ x0, self.P0)
+        for k in range(z.shape[1]):
+            ens.predict(T)
+            ens.update(z[:, k], self.sensor)
+            P = ens.P[..., 0]
+            yield self.to_estimate @ ens.x, self.to_estimate @ P @ self.to_estimate.T
+
+
+@dataclass(frozen=True)
+class Adaptive:
+    """A filter whose gain depends on the data: `make(Single or Ensemble, x0)` builds either class."""
+
+    name: str
+    classes: tuple  # the filterpy subclass and its ensemble
+    arguments: callable  # x0, whether for one target -> (args, keywords)
+    honest: bool = True
+
+    def single(self, x0):
+        """The filterpy subclass, started at x0 (4,)."""
+        args, keywords = self.arguments(x0, True)
+        return self.classes[0](*args, **keywords)
+
+    def ensemble(self, x0):
+        """The ensemble, started at x0 (4, M)."""
+        args, keywords = self.arguments(x0, False)
+        return self.classes[1](*args, **keywords)
+
+    def follow(self, x0, z):
+        """As `Linear.follow`, the covariance (4, 4, M)."""
+        ens = self.ensemble(x0)
+        for k in range(z.shape[1]):
+            ens.predict()
+            ens.update(z[:, k])
+            yield (ens.estimate, ens.estimate_P) if hasattr(ens, "estimate") else (ens.x, ens.P)
+
+
+def plain():
+    """The standard Kalman filter (SKF) on CV, (1)–(6)."""
+    return Linear("SKF", F, H, Q, np.eye(4), np.eye(4))
+
+
+def accelerating(model=ACCELERATING, name="CA"):
+    """A plain Kalman filter with accelerations in its state, 0 ± σ at the start."""
+    nought = np.zeros(6)
+    sensor = POSITION_VELOCITY[[0, 2]]
+    return Linear(name, model.F(nought, T), sensor, model.Q(nought, T), POSITION_VELOCITY, POSITION_VELOCITY.T)
+
+
+def augmented(Q_bias="0.01, 0.01", reading="R1", name=None):
+    """The augmented bias model algorithm (ABMA) with Q_Λ from `BIAS_NOISE` or given, (4, 4)."""
+    matrix = BIAS_NOISE[Q_bias] if isinstance(Q_bias, str) else Q_bias
+    A = augmented_matrices(F, H, Q, matrix, reading)
+    rank_one = np.linalg.matrix_rank(matrix) <= 2
+    return Linear(name or f"ABMA {Q_bias}", A.F, A.H, A.Q, A.estimate, np.eye(8, 4), honest=rank_one)
+
+
+def augmented_kf(x0, Q_bias="0.01, 0.01", reading="R1"):
+    """The same as the filterpy subclass `AugmentedBiasKF`."""
+    matrix = BIAS_NOISE[Q_bias] if isinstance(Q_bias, str) else Q_bias
+    return AugmentedBiasKF(F, H, Q, R, matrix, x0, P0, reading)
+
+
+def strong_tracking(beta=4.0, factors="one", rho=0.95):
+    """The strong tracking filter (STKF) on CV."""
+
+    def arguments(x0, single):
+        more = {"factors": factors} if single else {"axis": axes_seen(F, H) if factors == "per axis" else None}
+        return (F, H, Q, R, x0, P0), {"beta": beta, "rho": rho} | more
+
+    name = f"STKF β={beta:g}, {factors}"
+    return Adaptive(name, (StrongTrackingKF, EnsembleStrongTrackingKF), arguments, honest=False)
+
+
+def variance_inflation(**settings):
+    """Variance inflation on CV."""
+    classes = VarianceInflationKF, EnsembleVarianceInflationKF
+    return Adaptive("inflation", classes, lambda x0, single: ((F, H, Q, R, x0, P0), settings))
+
+
+def input_estimation(**settings):
+    """Input estimation on CV."""
+    classes = InputEstimationKF, EnsembleInputEstimationKF
+    return Adaptive("input estimation", classes, lambda x0, single: ((F, GAMMA, H, Q, R, x0, P0), settings))
+
+
+def variable_dimension(manoeuvring=ACCELERATING, **settings):
+    """The variable-dimension filter (VDF) between CV and CA."""
+    classes = VariableDimensionKF, EnsembleVariableDimensionKF
+    return Adaptive("VDF", classes, lambda x0, single: ((MODEL, manoeuvring, R, T, x0, P0), settings))
+
+
+def interacting(manoeuvring=ACCELERATING, **settings):
+    """The interacting multiple model estimator (IMM) of CV and CA."""
+    return Adaptive("IMM", (ManoeuvreIMM, EnsembleIMM), lambda x0, single: ((MODEL, manoeuvring, R, T, x0, P0), settings))

@@ -1,0 +1,92 @@
+"""All filters on the same runs of Table 1's target, and the scores by which paper 3's claims are judged."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from trackhelpers.consistency import nees
+from trackhelpers.ensemble import monte_carlo
+from trackhelpers.scenarios.augmented_bias.target import SEGMENTS, STEPS, simulate, truth
+from trackhelpers.scenarios.thesis.filtering import ratio_interval
+
+COMPONENTS = ("x", "vx", "y", "vy")
+PARTS = ("settled", "transient", "samples")
+
+
+class Score(NamedTuple):
+    """Errors (estimate − truth) of one filter over M runs; samples k = 0 … 1300 on the time axis."""
+
+    mean: np.ndarray  # (4, 1301) mean over the runs
+    square: np.ndarray  # (4, 1301) mean square
+    by_run: np.ndarray  # (7, 3, 4, M) mean square of each run, by segment and `PARTS`
+    nees: np.ndarray  # (1301,) mean NEES of position and velocity, NaN at k = 0 and for a covariance that means nothing
+    runs: int
+
+    def rmse(self, window):
+        """Root mean square error over a slice of samples and all runs, (4,)."""
+        return np.sqrt(self.square[:, window].mean(axis=1))
+
+    def bias(self, window):
+        """Root mean square over a slice of samples of the error's mean over the runs, with the mean's own variance taken off, (4,)."""
+        variance = (self.square - self.mean**2) / (self.runs - 1)
+        return np.sqrt(np.maximum(0.0, (self.mean**2 - variance)[:, window].mean(axis=1)))
+
+    def part(self, segment, part="settled"):
+        """Mean square errors of each run, (4, M), over a part of the segment with this index."""
+        return self.by_run[segment, PARTS.index(part)]
+
+
+def score(contenders, runs=500, seed=2018, a=2.0, path=0, n_jobs=1):
+    """Run all contenders on the same runs.
+
+    Parameters
+    ----------
+    contenders : sequence of `trackhelpers.scenarios.augmented_bias.contenders` objects
+        With names that differ.
+    runs, seed, n_jobs
+        As for `trackhelpers.ensemble.monte_carlo`.
+    a, path
+        As for `trackhelpers.scenarios.augmented_bias.target.truth`.
+
+    Returns
+    -------
+    dict
+        Name -> `Score`.
+    """
+    names = [contender.name for contender in contenders]
+    if len(set(names)) != len(names):
+        raise ValueError(f"contenders: expected names that differ, got {names}")
+    track = truth(a, path)
+
+    def task(rngs):
+        x0, z = simulate(rngs, track)
+        return {f"{c.name}|{key}": value for c in contenders for key, value in _errors(c, x0, z, track).items()}
+
+    sums = monte_carlo(task, runs, seed, n_jobs, reduce={f"{name}|by_run": "concat" for name in names}, chunk=500)
+    return {
+        name: Score(*(sums[f"{name}|{key}"] / (1 if key == "by_run" else runs) for key in ("mean", "square", "by_run", "nees")), runs)
+        for name in names
+    }
+
+
+def _errors(contender, x0, z, track):
+    """Sums over the runs of one contender's errors, and its mean squares run by run."""
+    errors, normalised = np.empty((4, STEPS + 1, x0.shape[1])), np.full(STEPS + 1, np.nan)
+    errors[:, 0] = x0 - track[:, :1]
+    for k, (x, P) in enumerate(contender.follow(x0, z), 1):
+        errors[:, k] = x - track[:, k, None]
+        if contender.honest:
+            normalised[k] = nees(track[:, k], x, np.broadcast_to(P.reshape(4, 4, -1), (4, 4, x.shape[1]))).sum()
+    square = errors**2
+    by_run = [[square[:, getattr(segment, part)].mean(axis=1) for part in PARTS] for segment in SEGMENTS]
+    return {"mean": errors.sum(axis=2), "square": square.sum(axis=2), "by_run": np.array(by_run), "nees": normalised}
+
+
+def compared(numerator, denominator, segment, components, part="settled"):
+    """Ratio of two filters' root mean square errors over the same runs, with its 95 % interval: (ratio, low, high).
+
+    `components` names those whose squares are summed: ``["x", "y"]`` is the distance.
+    """
+    chosen = [COMPONENTS.index(name) for name in components]
+    sums = [score.part(segment, part)[chosen].sum(axis=0) for score in (numerator, denominator)]
+    return tuple(np.sqrt(value) for value in ratio_interval(*sums))
