@@ -40,6 +40,11 @@ def fading_limit(dim, window, probability):
     return float(quantile) / (1 + alpha)
 
 
+def position_rows(model):
+    """H (axes, n) that sees the positions of a Cartesian model, axis after axis."""
+    return np.eye(model.n)[[i for i, name in enumerate(model.state) if name in ("x", "y", "z")]]
+
+
 def constant_input(y, S, K, F, G, H):
     """Least squares estimate of an input that entered at every step of a window, from the innovations of a filter that did not know of it.
 

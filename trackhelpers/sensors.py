@@ -14,7 +14,8 @@ CTRV_STATE = ("x", "y", "v", "θ", "ω")
 class Sensor:
     """What all sensors share.
 
-    A subclass sets `names` (of the measured components) and writes `_h` and the entries of H that are not zero, `_entries`.
+    A subclass sets `names` (of the measured components) and writes `_h` and the entries of H that are not zero, `_entries`; what these two share it computes
+    in `_share` and takes from `_shared`.
 
     Parameters
     ----------
@@ -27,6 +28,7 @@ class Sensor:
     names: tuple[str, ...] = ()
     linear = False
     _angular = ("ψ",)
+    _kept = None, None  # within `linearised`: x and what h and H share there
 
     def __init__(self, sigma, state):
         self.state = tuple(state)
@@ -66,6 +68,21 @@ class Sensor:
         """The entries of H at x that are not zero, (row, column) -> number or array (...): what the ensemble filters multiply with."""
         return self._entries(check_array(x, "x", len(self.state)))
 
+    def linearised(self, x):
+        """`h` and `entries` at x in one go: what they share, such as the range, is computed once. Arguments and errors as for `h`.
+
+        Returns
+        -------
+        h : numpy.ndarray, shape (m, ...)
+        entries : dict (row, column) -> number or array (...)
+        """
+        x = check_array(x, "x", len(self.state))
+        self._kept = x, self._share(x)
+        try:
+            return self.h(x), self.entries(x)
+        finally:
+            self._kept = None, None
+
     def residual(self, z, z_hat):
         """z − z_hat with the angles' difference taken the short way round; shapes (m, ...)."""
         return _angles.residual(z, z_hat, self.angles)
@@ -74,6 +91,13 @@ class Sensor:
         if name not in self.state:
             raise ValueError(f"state: {type(self).__name__} needs a component named {name!r}, got {self.state}")
         return self.state.index(name)
+
+    def _shared(self, x):
+        known, parts = self._kept
+        return parts if known is x else self._share(x)
+
+    def _share(self, x):
+        return None
 
     def _h(self, x):
         raise NotImplementedError
@@ -148,21 +172,21 @@ class RangeBearing(Sensor):
         super().__init__(sigma, state)
         self._position = self._column("x"), self._column("y")
 
-    def _polar(self, x):
+    def _share(self, x):
         px, py = (x[i] for i in self._position)
-        rho = np.hypot(px, py)
-        if np.any(rho == 0):
+        rho = np.sqrt(px * px + py * py)  # np.hypot is slower by half
+        if not np.all(rho):
             if x.ndim == 1:
                 raise ValueError("x: the target stands at the sensor (range 0), where bearing and range rate do not exist")
             rho = np.where(rho == 0, np.nan, rho)
         return px, py, rho
 
     def _h(self, x):
-        px, py, rho = self._polar(x)
+        px, py, rho = self._shared(x)
         return [rho, np.arctan2(py, px)]
 
     def _entries(self, x):
-        px, py, rho = self._polar(x)
+        px, py, rho = self._shared(x)
         i, j = self._position
         return {(0, i): px / rho, (0, j): py / rho, (1, i): -py / rho**2, (1, j): px / rho**2}
 
@@ -190,30 +214,30 @@ class Radar(RangeBearing):
         self._heading_form = "v" in self.state and "θ" in self.state
         self._velocity = tuple(self._column(name) for name in (("v", "θ") if self._heading_form else ("vx", "vy")))
 
-    def _parts(self, x):
-        px, py, rho = self._polar(x)
+    def _share(self, x):
+        px, py, rho = super()._share(x)
         first, second = (x[i] for i in self._velocity)
-        if self._heading_form:
-            vx, vy = first * np.cos(second), first * np.sin(second)
-        else:
-            vx, vy = first, second
-        return px, py, rho, vx, vy
+        if not self._heading_form:
+            return px, py, rho, first, second, None, None
+        cos, sin = _angles.cos_sin(second)
+        return px, py, rho, first * cos, first * sin, cos, sin
+
+    def _parts(self, x):
+        return self._shared(x)[:5]
 
     def _h(self, x):
         px, py, rho, vx, vy = self._parts(x)
         return [rho, np.arctan2(py, px), (px * vx + py * vy) / rho]
 
     def _entries(self, x):
-        px, py, rho, vx, vy = self._parts(x)
+        px, py, rho, vx, vy, cos, sin = self._shared(x)
         i, j = self._position
-        c, s = px / rho, py / rho
-        across = (vy * c - vx * s) / rho  # turn rate of the line of sight
-        entries = {(0, i): c, (0, j): s, (1, i): -s / rho, (1, j): c / rho, (2, i): -s * across, (2, j): c * across}
         k, l = self._velocity
-        if not self._heading_form:
-            return entries | {(2, k): c, (2, l): s}
-        heading = x[l]
-        return entries | {(2, k): c * np.cos(heading) + s * np.sin(heading), (2, l): -rho * across}
+        c, s = px / rho, py / rho
+        across = vy * c - vx * s  # ∂ρ̇/∂θ is its negative; over ρ it is the turn rate of the line of sight
+        turn = across / rho
+        entries = {(0, i): c, (0, j): s, (1, i): -s / rho, (1, j): c / rho, (2, i): -s * turn, (2, j): c * turn}
+        return entries | ({(2, k): c * cos + s * sin, (2, l): -across} if self._heading_form else {(2, k): c, (2, l): s})
 
 
 class LinearSensor(Sensor):

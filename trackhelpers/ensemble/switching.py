@@ -10,17 +10,13 @@ from scipy import stats
 
 from trackhelpers.arrays import check_array, check_covariance
 from trackhelpers.consistency import nis
-from trackhelpers.detection import fading_limit, manoeuvre_start
+from trackhelpers.detection import fading_limit, manoeuvre_start, position_rows
 from trackhelpers.ensemble.matrices import Matrices
-
-
-def _position_rows(model):
-    return np.eye(model.n)[[i for i, name in enumerate(model.state) if name in ("x", "y", "z")]]
 
 
 def _matrices(model, R, dt):
     nought = np.zeros(model.n)
-    return Matrices(model.F(nought, dt), _position_rows(model), model.Q(nought, dt), R)
+    return Matrices(model.F(nought, dt), position_rows(model), model.Q(nought, dt), R)
 
 
 class EnsembleVariableDimensionKF:
@@ -34,7 +30,7 @@ class EnsembleVariableDimensionKF:
 
     def __init__(self, quiet, manoeuvring, R, dt, x0, P0, window=5, enter=0.999, leave=0.95):
         x0 = np.asarray(x0, dtype=float)
-        self.runs, self.m, self.window, self.dt = x0.shape[1], len(_position_rows(quiet)), window, dt
+        self.runs, self.m, self.window, self.dt = x0.shape[1], len(position_rows(quiet)), window, dt
         self.R = check_covariance(R, "R", self.m)
         self._rest, self._turn = (_matrices(model, self.R, dt) for model in (quiet, manoeuvring))
         self._kept = [manoeuvring.state.index(name) for name in quiet.state]
@@ -115,7 +111,7 @@ class EnsembleIMM:
         self.runs, n = x0.shape[1], manoeuvring.n
         self._kept = [manoeuvring.state.index(name) for name in quiet.state]
         E = np.eye(n)[:, self._kept]
-        H, R, nought = _position_rows(manoeuvring), check_covariance(R, "R", len(_position_rows(manoeuvring))), np.zeros(quiet.n)
+        H, R, nought = position_rows(manoeuvring), check_covariance(R, "R", len(position_rows(manoeuvring))), np.zeros(quiet.n)
         at_rest = Matrices(E @ quiet.F(nought, dt) @ E.T, H, E @ quiet.Q(nought, dt) @ E.T, R)
         self._models = at_rest, _matrices(manoeuvring, R, dt)
         self._stay = np.array([[stay[0], 1 - stay[0]], [1 - stay[1], stay[1]]])

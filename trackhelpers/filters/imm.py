@@ -4,8 +4,9 @@ import numpy as np
 from filterpy.kalman import IMMEstimator
 
 from trackhelpers.arrays import check_array, check_covariance
+from trackhelpers.detection import position_rows
 from trackhelpers.filters.matrices import MatrixKF, check_matrix
-from trackhelpers.filters.variable_dimension import check_pair, position_rows
+from trackhelpers.filters.variable_dimension import check_pair
 
 
 def embedding(quiet, manoeuvring):
@@ -52,7 +53,7 @@ class ManoeuvreIMM(IMMEstimator):
         E = embedding(quiet, manoeuvring)
         x0, P0 = check_array(x0, "x0", quiet.n, ()), check_covariance(P0, "P0", quiet.n)
         transition, mu = check_switching(stay, mu)
-        H, nought = position_rows(manoeuvring)[0], np.zeros
+        H, nought = position_rows(manoeuvring), np.zeros
         matrices = (
             (E @ quiet.F(nought(quiet.n), dt) @ E.T, E @ quiet.Q(nought(quiet.n), dt) @ E.T),
             (manoeuvring.F(nought(manoeuvring.n), dt), manoeuvring.Q(nought(manoeuvring.n), dt)),

@@ -7,14 +7,8 @@ from scipy import stats
 
 from trackhelpers.arrays import check_array, check_covariance, check_dt
 from trackhelpers.consistency import nis
-from trackhelpers.detection import check_probability, check_window, fading_limit, manoeuvre_start
+from trackhelpers.detection import check_probability, check_window, fading_limit, manoeuvre_start, position_rows
 from trackhelpers.filters.matrices import MatrixKF
-
-
-def position_rows(model):
-    """H (axes, n) that sees the positions of a Cartesian model, and the columns of its accelerations (none for CV)."""
-    positions = [i for i, name in enumerate(model.state) if name in ("x", "y", "z")]
-    return np.eye(model.n)[positions], [i for i, name in enumerate(model.state) if name in ("ax", "ay", "az")]
 
 
 def check_pair(quiet, manoeuvring):
@@ -77,8 +71,8 @@ class VariableDimensionKF(MatrixKF):
         self._models = {False: self._matrices(quiet), True: self._matrices(manoeuvring)}
         F, H, Q = self._models[False]
         super().__init__(F, H, Q, R, x0, P0)
-        self._accelerations = position_rows(manoeuvring)[1]
-        self._kept = [i for i in range(manoeuvring.n) if i not in self._accelerations]
+        self._kept = [manoeuvring.state.index(name) for name in quiet.state]
+        self._accelerations = [i for i in range(manoeuvring.n) if i not in self._kept]
         self.window = check_window(window)
         self.enter_limit = fading_limit(self.dim_z, self.window, enter)
         self.leave_limit = float(stats.chi2.ppf(check_probability(leave, "leave"), self.window * len(self._accelerations)))
@@ -88,7 +82,7 @@ class VariableDimensionKF(MatrixKF):
 
     def _matrices(self, model):
         nought = np.zeros(model.n)
-        return model.F(nought, self.dt), position_rows(model)[0], model.Q(nought, self.dt)
+        return model.F(nought, self.dt), position_rows(model), model.Q(nought, self.dt)
 
     @property
     def estimate(self):

@@ -51,8 +51,8 @@ class _Cartesian(Model):
         return self._spread(G @ G.T, x)
 
     def _jacobian(self, x, dt, arc):
-        block = np.kron(np.eye(self.axes), self._block(dt)) - np.eye(self.n)
-        return {(i, j): block[i, j] for i, j in zip(*np.nonzero(block), strict=True)}
+        F = np.kron(np.eye(self.axes), self._block(dt))
+        return {(i, j): F[i, j] for i, j in zip(*np.nonzero(F - np.eye(self.n)), strict=True)}
 
     def _gain(self, x, dt, arc):
         column = np.kron(np.eye(self.axes), self._column(dt)[:, None])

@@ -1,0 +1,88 @@
+"""The statistics of the switching filters: their limits hold, and what they estimate is what entered."""
+
+import numpy as np
+import pytest
+
+from trackhelpers.detection import constant_input, fading_limit, manoeuvre_start
+from trackhelpers.filters import MatrixKF
+from trackhelpers.motion import CV
+
+T = 1.0
+MODEL = CV(0.1)
+F, Q, G = (getattr(MODEL, name)(np.zeros(4), T) for name in "FQG")
+H, R = np.eye(4)[[0, 2]], 3.0 * np.eye(2)
+
+
+@pytest.mark.parametrize("window", [1, 5, 20])
+@pytest.mark.parametrize("probability", [0.9, 0.999])
+def test_a_fading_sum_of_white_nis_stays_below_its_limit_as_often_as_promised(window, probability):
+    nis = np.random.default_rng(0).chisquare(2, size=(200, 2000))
+    total = np.zeros(2000)
+    for row in nis:
+        total = (1 - 1 / window) * total + row
+    share = np.mean(total < fading_limit(2, window, probability))
+    assert abs(share - probability) < 4 * np.sqrt(probability * (1 - probability) / 2000) + 0.2 * (1 - probability)
+
+
+def filtered(z, x0=(0.0, 5.0, 0.0, 5.0)):
+    kf, past = MatrixKF(F, H, Q, R, x0, np.eye(4)), []
+    for measured in z:
+        kf.predict()
+        kf.update(measured)
+        past.append((kf.y, kf.S, kf.K))
+    return kf, zip(*past, strict=True)
+
+
+def test_without_noise_the_input_of_a_window_is_found_exactly_and_the_state_with_it():
+    u, x = np.array([2.0, -1.0]), np.array([0.0, 5.0, 0.0, 5.0])
+    z = []
+    for _ in range(12):
+        x = F @ x + G @ u
+        z.append(H @ x)
+    kf, past = filtered(z)
+    found, covariance, shift, significance = constant_input(*past, F, G, H)
+    np.testing.assert_allclose(found, u, atol=1e-12)
+    np.testing.assert_allclose(kf.x + shift @ found, x, atol=1e-11)
+    np.testing.assert_allclose(significance, u @ np.linalg.solve(covariance, u))
+
+
+def test_without_an_input_the_significance_is_chi_square():
+    rng, found = np.random.default_rng(1), []
+    for _ in range(300):
+        x, z = rng.multivariate_normal([0, 5, 0, 5], np.eye(4)), []
+        for _ in range(10):
+            x = F @ x + G @ (0.1 * rng.standard_normal(2))
+            z.append(H @ x + np.sqrt(3) * rng.standard_normal(2))
+        _, past = filtered(z)
+        found.append(constant_input(*past, F, G, H)[3])
+    assert abs(np.mean(found) - 2) < 4 * 2 / np.sqrt(300)
+    assert abs(np.mean(np.array(found) > 5.991) - 0.05) < 0.04
+
+
+def test_many_runs_at_once_give_what_each_gives_alone():
+    z = np.random.default_rng(2).normal(size=(8, 2, 3)).cumsum(axis=0)
+    alone = [constant_input(*filtered(z[..., r])[1], F, G, H) for r in range(3)]
+    pasts = [list(filtered(z[..., r])[1]) for r in range(3)]
+    together = [[np.stack([past[part][k] for past in pasts], axis=-1) for k in range(8)] for part in range(3)]
+    for one, all_ in zip(zip(*alone, strict=True), constant_input(*together, F, G, H), strict=True):
+        np.testing.assert_allclose(np.stack(one, axis=-1), all_, atol=1e-10)
+
+
+def test_the_start_of_a_manoeuvre_is_exact_without_noise_and_its_covariance_is_that_of_the_linear_map():
+    x, a = np.array([1.0, 2.0, 3.0, 4.0]), np.array([0.5, -0.2])
+    ahead = F @ x + G @ a
+    state, P = manoeuvre_start(x, np.zeros((4, 4)), H @ ahead, R, T)
+    np.testing.assert_allclose(state, [ahead[0], ahead[1], a[0], ahead[2], ahead[3], a[1]])
+    np.testing.assert_allclose(P[:3, :3], 3.0 * np.array([[1, 2, 2], [2, 4, 4], [2, 4, 4]]))  # T = 1
+    rng = np.random.default_rng(3)
+    A = rng.normal(size=(4, 4))
+    xs, zs = x[:, None] + A @ rng.normal(size=(4, 40_000)), (H @ ahead)[:, None] + np.sqrt(3) * rng.normal(size=(2, 40_000))
+    states, _ = manoeuvre_start(xs, np.zeros((4, 4, 40_000)), zs, R, T)
+    _, P = manoeuvre_start(x, A @ A.T, H @ ahead, R, T)
+    np.testing.assert_allclose(np.cov(states), P, atol=0.05 * np.abs(P).max())
+
+
+@pytest.mark.parametrize("bad", [{"window": 0}, {"window": 2.5}, {"probability": 0.0}, {"probability": 1.0}, {"window": True}])
+def test_bad_arguments_are_named(bad):
+    with pytest.raises(ValueError, match=next(iter(bad))):
+        fading_limit(**{"dim": 2, "window": 5, "probability": 0.9} | bad)

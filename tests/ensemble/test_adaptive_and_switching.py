@@ -1,0 +1,102 @@
+"""Each ensemble of a filter for manoeuvring targets is that filter, run by run, over the whole of Table 1."""
+
+import numpy as np
+import pytest
+
+from trackhelpers.ensemble.adaptive import EnsembleStrongTrackingKF
+from trackhelpers.ensemble.matrices import EnsembleMatrixKF
+from trackhelpers.filters import MatrixKF
+from trackhelpers.scenarios.augmented_bias import contenders as c
+from trackhelpers.scenarios.augmented_bias import target
+
+M = 3
+RNGS = [np.random.default_rng(child) for child in np.random.SeedSequence(5).spawn(M)]
+X0, Z = target.simulate(RNGS, target.truth())
+CONTENDERS = [
+    c.plain(),
+    c.augmented(),
+    c.accelerating(c.CORRELATED, "Singer"),
+    c.strong_tracking(4.0),
+    c.strong_tracking(1.0),
+    c.strong_tracking(1.0, "per axis", rho=0.8),
+    c.variance_inflation(),
+    c.variance_inflation(window=10, probability=0.9, inflation=20.0),
+    c.input_estimation(),
+    c.input_estimation(window=6, probability=0.99),
+    c.variable_dimension(),
+    c.variable_dimension(c.CORRELATED, window=8, enter=0.9, leave=0.5),
+    c.interacting(),
+    c.interacting(c.CORRELATED, stay=(0.9, 0.95)),
+]
+
+
+@pytest.mark.parametrize("contender", CONTENDERS, ids=[f"{i}-{each.name}" for i, each in enumerate(CONTENDERS)])
+def test_an_ensemble_is_the_filter_of_its_name_in_every_run(contender):
+    singles = [contender.single(X0[:, r]) for r in range(M)]
+    L = getattr(contender, "to_estimate", None)
+    for k, (x, P) in enumerate(contender.follow(X0, Z)):
+        P = np.broadcast_to(P.reshape(4, 4, -1), (4, 4, M))
+        for r, kf in enumerate(singles):
+            kf.predict()
+            kf.update(Z[:, k, r])
+            if L is not None:
+                own, own_P = L @ kf.x, L @ kf.P @ L.T
+            else:
+                own, own_P = (kf.estimate, kf.estimate_P) if hasattr(kf, "estimate") else (kf.x, kf.P)
+            np.testing.assert_allclose(x[:, r], own, atol=1e-9, rtol=1e-13)  # positions reach 1e5 m
+            np.testing.assert_allclose(P[..., r], own_P, atol=1e-8)
+
+
+def test_the_augmented_filter_as_matrices_is_the_filterpy_subclass():
+    linear, kf = c.augmented(), c.augmented_kf(X0[:, 0])
+    for k, (x, _) in enumerate(linear.follow(X0, Z)):
+        kf.predict()
+        kf.update(Z[:, k, 0])
+        np.testing.assert_allclose(x[:, 0], kf.estimate, atol=1e-9, rtol=1e-13)
+
+
+def test_a_run_that_breaks_down_is_named_and_leaves_its_neighbours_bit_for_bit():
+    clean, spoilt = (EnsembleStrongTrackingKF(c.F, c.H, c.Q, target.R, X0, target.P0) for _ in range(2))
+    spoilt.P[0, 0, 1] = -500.0
+    for k in range(30):
+        for ens in (clean, spoilt):
+            ens.predict()
+            ens.update(Z[:, k])
+    assert np.array_equal(np.flatnonzero(spoilt.failed), [1]) and not clean.failed.any()
+    assert np.array_equal(spoilt.x[:, [0, 2]], clean.x[:, [0, 2]])
+
+
+def test_the_plain_ensemble_is_the_plain_filter():
+    ens, kf = EnsembleMatrixKF(c.F, c.H, c.Q, target.R, X0, target.P0), MatrixKF(c.F, c.H, c.Q, target.R, X0[:, 2], target.P0)
+    for k in range(50):
+        ens.predict()
+        ens.update(Z[:, k])
+        kf.predict()
+        kf.update(Z[:, k, 2])
+    np.testing.assert_allclose(ens.x[:, 2], kf.x, atol=1e-10)
+    np.testing.assert_allclose(ens.P[..., 2], kf.P, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("change", "name"),
+    [
+        ({"x0": np.zeros(4)}, "x0"),
+        ({"x0": np.full((4, 2), np.nan)}, "x0"),
+        ({"Q": -np.eye(4)}, "Q"),
+        ({"H": np.eye(3)}, "H"),
+        ({"P0": np.ones((4, 4, 3))}, "P0"),
+    ],
+)
+def test_bad_arguments_are_named(change, name):
+    arguments = {"F": c.F, "H": c.H, "Q": c.Q, "R": target.R, "x0": X0, "P0": target.P0} | change
+    with pytest.raises(ValueError, match=name):
+        EnsembleMatrixKF(**arguments)
+
+
+@pytest.mark.parametrize("contender", CONTENDERS[3::2], ids=lambda each: each.name)
+def test_a_bad_measurement_is_named(contender):
+    ens = contender.ensemble(X0)
+    ens.predict()
+    for z in (np.zeros((2, M + 1)), np.zeros((3, M))):
+        with pytest.raises(ValueError, match="z"):
+            ens.update(z)

@@ -1,0 +1,189 @@
+"""Variance inflation, input estimation, variable dimension and interacting models: quiet at rest, quick in a manoeuvre, and never hurt by a missing measurement."""
+
+import numpy as np
+import pytest
+from filterpy.kalman import IMMEstimator, KalmanFilter
+
+from trackhelpers.filters import InputEstimationKF, ManoeuvreIMM, MatrixKF, VariableDimensionKF, VarianceInflationKF
+from trackhelpers.filters.imm import embedding
+from trackhelpers.motion import CA, CTRV, CV, Singer
+
+T = 1.0
+REST, TURN = CV(0.1), CA(0.1)
+F, Q, G = (getattr(REST, name)(np.zeros(4), T) for name in "FQG")
+H, R, X0, P0 = np.eye(4)[[0, 2]], 3.0 * np.eye(2), np.array([0.0, 5.0, 0.0, 5.0]), np.diag([3.0, 1.0, 3.0, 1.0])
+BEGIN, END, STEPS = 60, 120, 200
+
+MAKE = {
+    "inflation": lambda **more: VarianceInflationKF(F, H, Q, R, X0, P0, **more),
+    "input": lambda **more: InputEstimationKF(F, G, H, Q, R, X0, P0, **more),
+    "variable dimension": lambda **more: VariableDimensionKF(REST, TURN, R, T, X0, P0, **more),
+    "interacting": lambda **more: ManoeuvreIMM(REST, TURN, R, T, X0, P0, **more),
+}
+
+
+def track(a):
+    """Truth (4, STEPS): x accelerates by `a` for BEGIN < k ≤ END."""
+    k = np.arange(1.0, STEPS + 1)
+    during, after = np.clip(k - BEGIN, 0, END - BEGIN), np.maximum(k - END, 0)
+    vx = 5 + a * during
+    return np.stack([5 * k + a / 2 * during**2 + a * (END - BEGIN) * after, vx, 5 * k, 5 + 0 * k])
+
+
+def follow(kf, a, seed=0):
+    """Errors (4, STEPS) and the filter's state of mind at each step."""
+    truth, rng = track(a), np.random.default_rng(seed)
+    errors, minds = [], []
+    for k in range(STEPS):
+        kf.predict()
+        kf.update(truth[[0, 2], k] + np.sqrt(3) * rng.standard_normal(2))
+        errors.append(getattr(kf, "estimate", kf.x) - truth[:, k])
+        minds.append(getattr(kf, "manoeuvring", None) if hasattr(kf, "manoeuvring") else getattr(kf, "mu", getattr(kf, "u", None)).copy())
+    return np.array(errors).T, minds
+
+
+@pytest.mark.parametrize("name", ["inflation", "input", "variable dimension"])
+def test_without_a_manoeuvre_a_filter_that_never_alarms_is_the_plain_filter(name):
+    limit = {"inflation": "probability", "input": "probability", "variable dimension": "enter"}[name]
+    errors, _ = follow(MAKE[name](**{limit: 1 - 1e-15}), 0.0)
+    kf, truth, rng = MatrixKF(F, H, Q, R, X0, P0), track(0.0), np.random.default_rng(0)
+    for k in range(STEPS):
+        kf.predict()
+        kf.update(truth[[0, 2], k] + np.sqrt(3) * rng.standard_normal(2))
+        assert np.array_equal(errors[:, k], kf.x - truth[:, k])
+
+
+@pytest.mark.parametrize("name", MAKE)
+def test_in_a_manoeuvre_each_stays_near_where_the_plain_filter_is_lost(name):
+    errors, _ = follow(MAKE[name](), 2.0)
+    assert np.abs(errors[0, BEGIN + 20 : END]).mean() < 4  # the plain filter lags by 29 m
+    assert np.abs(errors[0, END + 20 :]).mean() < 4
+    assert np.abs(errors[2]).max() < 6  # y never moved
+
+
+def test_variable_dimension_changes_its_state_and_comes_back():
+    kf = VariableDimensionKF(REST, TURN, R, T, X0, P0)
+    _, minds = follow(kf, 2.0)
+    assert not any(minds[:BEGIN]) and minds[BEGIN + 10] and all(minds[BEGIN + 10 : END]) and not minds[-1]
+    assert kf.x.shape == (4,) and kf.estimate_P.shape == (4, 4)
+
+
+def test_without_noise_variable_dimension_finds_the_acceleration_at_once():
+    kf = VariableDimensionKF(REST, CA(1e-6), R, T, X0, P0)
+    truth = track(2.0)
+    for k in range(END):
+        kf.predict()
+        kf.update(truth[[0, 2], k])
+    assert kf.manoeuvring
+    np.testing.assert_allclose(kf.x[[2, 5]], [2, 0], atol=0.02)
+
+
+def test_input_estimation_finds_the_acceleration_and_its_end():
+    kf = InputEstimationKF(F, G, H, Q, R, X0, P0)
+    _, inputs = follow(kf, 2.0)
+    np.testing.assert_allclose(inputs[END - 1], [2, 0], atol=0.5)
+    np.testing.assert_allclose(inputs[-1], [0, 0], atol=0.5)
+    assert kf.changes >= 2
+
+
+def test_inflation_goes_on_and_off():
+    _, minds = follow(MAKE["inflation"](), 2.0)
+    assert not any(minds[:BEGIN]) and all(minds[BEGIN + 10 : END]) and not minds[-1]
+
+
+def test_interacting_models_are_filterpys_on_filterpys_own_filters():
+    """Ours beside an IMMEstimator put together by hand, with the columns of the acceleration zeroed in the quiet model."""
+    E = embedding(REST, TURN)
+    filters = []
+    for F6, Q6 in ((E @ F @ E.T, E @ Q @ E.T), (TURN.F(np.zeros(6), T), TURN.Q(np.zeros(6), T))):
+        kf = KalmanFilter(6, 2)
+        kf.x, kf.P, kf.F, kf.Q, kf.H, kf.R = E @ X0, E @ P0 @ E.T, F6, Q6, np.eye(6)[[0, 3]], R
+        filters.append(kf)
+    theirs, ours = IMMEstimator(filters, [0.9, 0.1], np.array([[0.98, 0.02], [0.02, 0.98]])), MAKE["interacting"]()
+    rng = np.random.default_rng(0)
+    for k in range(STEPS):
+        z = track(2.0)[[0, 2], k] + rng.standard_normal(2)
+        for imm in (theirs, ours):
+            imm.predict()
+            imm.update(z)
+        np.testing.assert_allclose(ours.x, theirs.x, atol=1e-10)
+        np.testing.assert_allclose(ours.mu, theirs.mu, atol=1e-10)
+
+
+def test_interacting_models_know_which_one_is_in_force():
+    _, probabilities = follow(MAKE["interacting"](), 2.0)
+    assert probabilities[BEGIN - 1][0] > 0.7 and probabilities[END - 1][1] > 0.8 and probabilities[-1][0] > 0.7
+
+
+def test_without_a_measurement_the_models_probabilities_follow_the_chain_alone():
+    """filterpy weighs them again by the likelihood of the last measurement."""
+    imm = MAKE["interacting"]()
+    for k in range(30):
+        imm.predict()
+        imm.update(track(0.0)[[0, 2], k])
+    before = imm.mu.copy()
+    for _ in range(3):
+        imm.predict()
+        x, P = imm.x.copy(), imm.P.copy()
+        imm.update(None)
+        assert np.array_equal(imm.x, x) and np.array_equal(imm.P, P)
+    np.testing.assert_allclose(imm.mu, before @ np.linalg.matrix_power(np.array([[0.98, 0.02], [0.02, 0.98]]), 3))
+
+
+@pytest.mark.parametrize("name", MAKE)
+def test_a_missing_measurement_predicts_only(name):
+    kf = MAKE[name]()
+    for k in range(5):
+        kf.predict()
+        kf.update(track(0.0)[[0, 2], k])
+    kf.predict()
+    x, P = kf.x.copy(), kf.P.copy()
+    kf.update(None)
+    assert np.array_equal(kf.x, x) and np.array_equal(kf.P, P)
+
+
+@pytest.mark.parametrize("name", MAKE)
+@pytest.mark.parametrize("z", [[1.0], [1.0, np.inf], [[1.0, 2.0]]])
+def test_a_bad_measurement_leaves_the_filter_as_it_was(name, z):
+    kf = MAKE[name]()
+    kf.predict()
+    x, P = kf.x.copy(), kf.P.copy()
+    with pytest.raises(ValueError, match="z"):
+        kf.update(z)
+    assert np.array_equal(kf.x, x) and np.array_equal(kf.P, P)
+
+
+@pytest.mark.parametrize(
+    ("call", "name"),
+    [
+        (lambda: MAKE["inflation"](inflation=0.5), "inflation"),
+        (lambda: MAKE["inflation"](window=0), "window"),
+        (lambda: MAKE["inflation"](probability=1.5), "probability"),
+        (lambda: MAKE["input"](window=0), "window"),
+        (lambda: MAKE["input"](probability=0), "probability"),
+        (lambda: InputEstimationKF(F, np.eye(3), H, Q, R, X0, P0), "G"),
+        (lambda: InputEstimationKF(F, np.eye(4), H, Q, R, X0, P0, window=1), "window"),
+        (lambda: MAKE["variable dimension"](enter=1.0), "probability"),
+        (lambda: MAKE["variable dimension"](leave=0.0), "leave"),
+        (lambda: MAKE["variable dimension"](window=1.5), "window"),
+        (lambda: VariableDimensionKF(REST, TURN, R, 0.0, X0, P0), "dt"),
+        (lambda: VariableDimensionKF(REST, CV(0.1), R, T, X0, P0), "manoeuvring"),
+        (lambda: VariableDimensionKF(CV(0.1, axes=1), TURN, R, T, X0, P0), "quiet"),
+        (lambda: VariableDimensionKF(REST, CTRV(), R, T, X0, P0), "manoeuvring"),
+        (lambda: VariableDimensionKF(REST, TURN, R, T, np.zeros(6), P0), "x0"),
+        (lambda: ManoeuvreIMM(REST, CA(0.1, axes=3), R, T, X0, P0), "manoeuvring"),
+        (lambda: MAKE["interacting"](stay=(1.0, 0.9)), "stay"),
+        (lambda: MAKE["interacting"](stay=(0.9,)), "stay"),
+        (lambda: MAKE["interacting"](mu=(0.5, 0.4)), "mu"),
+        (lambda: ManoeuvreIMM(REST, TURN, np.eye(3), T, X0, P0), "R"),
+    ],
+)
+def test_bad_arguments_are_named(call, name):
+    with pytest.raises(ValueError, match=name):
+        call()
+
+
+def test_singer_may_be_the_manoeuvring_model():
+    for make in (VariableDimensionKF, ManoeuvreIMM):
+        errors, _ = follow(make(REST, Singer(2.0, 20.0), R, T, X0, P0), 2.0)
+        assert np.abs(errors[0, BEGIN + 20 : END]).mean() < 4
