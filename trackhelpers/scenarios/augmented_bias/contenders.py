@@ -6,9 +6,11 @@ Every contender is handed a start x0 and stands on the same measured positions. 
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
+from trackhelpers.consistency import nis
 from trackhelpers.ensemble import EnsembleKF
 from trackhelpers.ensemble.adaptive import EnsembleInputEstimationKF, EnsembleStrongTrackingKF, EnsembleVarianceInflationKF
 from trackhelpers.ensemble.switching import EnsembleIMM, EnsembleVariableDimensionKF
@@ -44,8 +46,24 @@ CORRELATED = Singer(2.0, 20.0, axes=2)
 POSITION_VELOCITY = np.kron(np.eye(2), [[1.0, 0, 0], [0, 1, 0]])  # what is estimated, of a state with accelerations
 
 
+class Step(NamedTuple):
+    """What a filter says after a measurement, over M runs."""
+
+    x: np.ndarray  # (4, M) position and velocity
+    P: np.ndarray  # (4, 4) or (4, 4, M) their covariance
+    nis: np.ndarray  # (M,) of the measurement
+
+
+class _Contender:
+    """What both kinds of contender share."""
+
+    def follow(self, x0, z):
+        """Yield estimates (4, M) and their covariance, (4, 4) or (4, 4, M), after each measurement of z (2, N, M), from x0 (4, M)."""
+        return ((step.x, step.P) for step in self.steps(x0, z))
+
+
 @dataclass(frozen=True)
-class Linear:
+class Linear(_Contender):
     """A filter whose gain is known before any measurement: matrices of its own state, and the estimate (4, n) as a function of it."""
 
     name: str
@@ -73,18 +91,18 @@ class Linear:
         """The filterpy subclass, started at x0 (4,)."""
         return MatrixKF(self.F, self.H, self.Q, R, self.from_start @ x0, self.P0)
 
-    def follow(self, x0, z):
-        """Yield estimate (4, M) and its covariance (4, 4), a view (4, 4, M), after each measurement of z (2, N, M), from x0 (4, M)."""
+    def steps(self, x0, z):
+        """Yield a `Step` after each measurement of z (2, N, M), from x0 (4, M)."""
         ens = EnsembleKF(self.model, self.from_start @ x0, self.P0)
         for k in range(z.shape[1]):
             ens.predict(T)
             ens.update(z[:, k], self.sensor)
             P = ens.P[..., 0]
-            yield self.to_estimate @ ens.x, self.to_estimate @ P @ self.to_estimate.T
+            yield Step(self.to_estimate @ ens.x, self.to_estimate @ P @ self.to_estimate.T, nis(ens.y, ens.S))
 
 
 @dataclass(frozen=True)
-class Adaptive:
+class Adaptive(_Contender):
     """A filter whose gain depends on the data: `make(Single or Ensemble, x0)` builds either class."""
 
     name: str
@@ -102,13 +120,17 @@ class Adaptive:
         args, keywords = self.arguments(x0, False)
         return self.classes[1](*args, **keywords)
 
-    def follow(self, x0, z):
-        """As `Linear.follow`, the covariance (4, 4, M)."""
+    def steps(self, x0, z):
+        """As `Linear.steps`. With two models in force the NIS is that of the mixture's, or of the present model's, prediction."""
         ens = self.ensemble(x0)
+        mixed = hasattr(ens, "estimate")
         for k in range(z.shape[1]):
             ens.predict()
+            if mixed:
+                y, S = z[:, k] - ens.estimate[[0, 2]], ens.estimate_P[np.ix_([0, 2], [0, 2])] + R[..., None]
             ens.update(z[:, k])
-            yield (ens.estimate, ens.estimate_P) if hasattr(ens, "estimate") else (ens.x, ens.P)
+            x, P = (ens.estimate, ens.estimate_P) if mixed else (ens.x, ens.P)
+            yield Step(x, P, nis(y, S) if mixed else nis(ens.y, ens.S))
 
 
 def plain():

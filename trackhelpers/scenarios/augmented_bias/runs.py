@@ -7,10 +7,11 @@ import numpy as np
 from trackhelpers.consistency import nees
 from trackhelpers.ensemble import monte_carlo
 from trackhelpers.scenarios.augmented_bias.target import SEGMENTS, STEPS, simulate, truth
-from trackhelpers.scenarios.thesis.filtering import ratio_interval
+from trackhelpers.scenarios.thesis.filtering import mean_interval, ratio_interval
 
 COMPONENTS = ("x", "vx", "y", "vy")
 PARTS = ("settled", "transient", "samples")
+KEYS = ("mean", "square", "by_run", "mean_by_run", "nees", "nis")
 
 
 class Score(NamedTuple):
@@ -19,7 +20,9 @@ class Score(NamedTuple):
     mean: np.ndarray  # (4, 1301) mean over the runs
     square: np.ndarray  # (4, 1301) mean square
     by_run: np.ndarray  # (7, 3, 4, M) mean square of each run, by segment and `PARTS`
+    mean_by_run: np.ndarray  # (7, 3, 4, M) the mean of each run
     nees: np.ndarray  # (1301,) mean NEES of position and velocity, NaN at k = 0 and for a covariance that means nothing
+    nis: np.ndarray  # (1301,) mean NIS, NaN at k = 0
     runs: int
 
     def rmse(self, window):
@@ -34,6 +37,13 @@ class Score(NamedTuple):
     def part(self, segment, part="settled"):
         """Mean square errors of each run, (4, M), over a part of the segment with this index."""
         return self.by_run[segment, PARTS.index(part)]
+
+    def steady_bias(self, segment, component):
+        """Mean over runs and settled samples of one component's error in the segment with this index, with its 95 % interval: (mean, low, high).
+
+        It is the bias where that does not change with time, as under a constant acceleration.
+        """
+        return mean_interval(self.mean_by_run[segment, PARTS.index("settled"), COMPONENTS.index(component)])
 
 
 def score(contenders, runs=500, seed=2018, a=2.0, path=0, n_jobs=1):
@@ -62,24 +72,24 @@ def score(contenders, runs=500, seed=2018, a=2.0, path=0, n_jobs=1):
         x0, z = simulate(rngs, track)
         return {f"{c.name}|{key}": value for c in contenders for key, value in _errors(c, x0, z, track).items()}
 
-    sums = monte_carlo(task, runs, seed, n_jobs, reduce={f"{name}|by_run": "concat" for name in names}, chunk=500)
-    return {
-        name: Score(*(sums[f"{name}|{key}"] / (1 if key == "by_run" else runs) for key in ("mean", "square", "by_run", "nees")), runs)
-        for name in names
-    }
+    reduce = {f"{name}|{key}": "concat" for name in names for key in ("by_run", "mean_by_run")}
+    found = monte_carlo(task, runs, seed, n_jobs, reduce=reduce, chunk=500)
+    return {name: Score(**{key: found[f"{name}|{key}"] / (1 if "by_run" in key else runs) for key in KEYS}, runs=runs) for name in names}
 
 
 def _errors(contender, x0, z, track):
-    """Sums over the runs of one contender's errors, and its mean squares run by run."""
-    errors, normalised = np.empty((4, STEPS + 1, x0.shape[1])), np.full(STEPS + 1, np.nan)
+    """Sums over the runs of one contender's errors, and its means run by run, by the names of `Score`."""
+    errors, normalised, innovations = np.empty((4, STEPS + 1, x0.shape[1])), np.full(STEPS + 1, np.nan), np.full(STEPS + 1, np.nan)
     errors[:, 0] = x0 - track[:, :1]
-    for k, (x, P) in enumerate(contender.follow(x0, z), 1):
-        errors[:, k] = x - track[:, k, None]
+    for k, (x, P, step_nis) in enumerate(contender.steps(x0, z), 1):
+        errors[:, k], innovations[k] = x - track[:, k, None], step_nis.sum()
         if contender.honest:
             normalised[k] = nees(track[:, k], x, np.broadcast_to(P.reshape(4, 4, -1), (4, 4, x.shape[1]))).sum()
     square = errors**2
-    by_run = [[square[:, getattr(segment, part)].mean(axis=1) for part in PARTS] for segment in SEGMENTS]
-    return {"mean": errors.sum(axis=2), "square": square.sum(axis=2), "by_run": np.array(by_run), "nees": normalised}
+    windows = [[getattr(segment, part) for part in PARTS] for segment in SEGMENTS]
+    by_run, mean_by_run = (np.array([[a[:, w].mean(axis=1) for w in parts] for parts in windows]) for a in (square, errors))
+    values = errors.sum(axis=2), square.sum(axis=2), by_run, mean_by_run, normalised, innovations
+    return dict(zip(KEYS, values, strict=True))
 
 
 def compared(numerator, denominator, segment, components, part="settled"):
