@@ -92,11 +92,22 @@ def _errors(contender, x0, z, track):
     return dict(zip(KEYS, values, strict=True))
 
 
-def compared(numerator, denominator, segment, components, part="settled"):
-    """Ratio of two filters' root mean square errors over the same runs, with its 95 % interval: (ratio, low, high).
+def compared(numerator, denominator, segment, components, part="settled", against=None):
+    """Ratio of two root mean square errors over the same runs, with its 95 % interval: (ratio, low, high).
 
-    `components` names those whose squares are summed: ``["x", "y"]`` is the distance.
+    Parameters
+    ----------
+    numerator, denominator : Score
+    segment : int
+        Index into `SEGMENTS`.
+    components : sequence of str
+        Whose squares are summed: ``["x", "y"]`` is the distance.
+    part : str
+        One of `PARTS`.
+    against : int, optional
+        Segment of the denominator, where it is another one.
     """
     chosen = [COMPONENTS.index(name) for name in components]
-    sums = [score.part(segment, part)[chosen].sum(axis=0) for score in (numerator, denominator)]
-    return tuple(np.sqrt(value) for value in ratio_interval(*sums))
+    places = (numerator, segment), (denominator, segment if against is None else against)
+    sums = [score.part(where, part)[chosen].sum(axis=0) for score, where in places]
+    return tuple(float(np.sqrt(value)) for value in ratio_interval(*sums))

@@ -1,0 +1,187 @@
+"""Notebook 3: who takes part, what Table 1 and the claims come to as numbers, and the curves that compare families of filters."""
+
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+
+from trackhelpers.scenarios.augmented_bias import contenders as c
+from trackhelpers.scenarios.augmented_bias.exact import exact_errors, settling_time
+from trackhelpers.scenarios.augmented_bias.runs import COMPONENTS, compared, score
+from trackhelpers.scenarios.augmented_bias.target import SEGMENTS, STEPS, simulate, truth
+
+PAPERS = ("SKF", "STKF β=4, one", "ABMA 0.01, 0.01")  # the paper's three, in its Figures 1 to 4
+COMPONENTS_OF_FIGURES = ("x", "y", "vx", "vy")
+AXIS = {"x": (0, 1), "y": (2, 3)}
+
+
+def cast():
+    """All contenders of the comparison, the paper's three first."""
+    return [
+        c.plain(),
+        c.strong_tracking(4.0),
+        c.augmented(),
+        c.strong_tracking(1.0),
+        c.strong_tracking(4.0, "per axis"),
+        c.strong_tracking(1.0, "per axis"),
+        *(c.augmented(name) for name in list(c.BIAS_NOISE)[1:]),
+        c.accelerating(),
+        c.accelerating(c.CORRELATED, "Singer"),
+        c.interacting(),
+        c.variable_dimension(),
+        c.input_estimation(),
+        c.variance_inflation(),
+    ]
+
+
+def one_run(contenders, seed=2018, a=2.0, path=0):
+    """Errors (4, 1301) of each contender in one run: name -> array."""
+    track = truth(a, path)
+    x0, z = simulate([np.random.default_rng(seed)], track)
+    first = x0 - track[:, :1]
+    return {
+        each.name: np.hstack([first, *(x - track[:, k, None] for k, (x, _) in enumerate(each.follow(x0, z), 1))]) for each in contenders
+    }
+
+
+def kinds_of_motion(track):
+    """Table 1's words as numbers on a track (4, 1301): (segment, axis, quantity, rule, value), one for each of its 14 cells.
+
+    The acceleration of an axis is the velocity's difference from sample to sample, m/s².
+    """
+    rows = []
+    for segment in SEGMENTS:
+        for axis, (_, v) in AXIS.items():
+            speed = track[v, segment.first - 1 : segment.last + 1]
+            steps, words = np.diff(speed), getattr(segment, axis)
+            if words == "uniform":
+                cell = "largest acceleration (m/s²)", "<= 1e-9", np.abs(steps).max()
+            elif words == "accelerated":
+                cell = "least acceleration (m/s²)", "> 0", steps.min()
+            elif words == "decelerated":
+                cell = "largest acceleration (m/s²)", "< 0", steps.max()
+            elif words.startswith("exponentially"):
+                cell = "mean acceleration (m/s²)", "> 0" if words.endswith("+a") else "< 0", steps.mean()
+            else:
+                cell = "largest distance of the speed from its best sinusoid (m/s)", "<= 1e-9", _from_sinusoid(speed)
+            rows.append((segment, axis, *cell))
+    return rows
+
+
+def _from_sinusoid(speed):
+    """Largest residual of a least squares fit of a constant and one frequency, over the frequencies that fit a whole number of times."""
+    t, best = np.arange(len(speed)), np.inf
+    for cycles in range(1, 11):
+        w = 2 * np.pi * cycles / (len(speed) - 1)
+        basis = np.stack([np.ones_like(t, dtype=float), np.sin(w * t), np.cos(w * t)], axis=1)
+        residual = speed - basis @ np.linalg.lstsq(basis, speed, rcond=None)[0]
+        best = min(best, np.abs(residual).max())
+    return best
+
+
+def off_the_line(track, last):
+    """Largest distance of the positions 0 … last from the straight line through the first along the first velocity, m."""
+    (x, vx, y, vy), n = track[:, : last + 1], np.hypot(*track[[1, 3], 0])
+    return float(np.abs((x - x[0]) * vy[0] - (y - y[0]) * vx[0]).max() / n)
+
+
+def table(scores, window, what="rmse"):
+    """name -> 28 numbers, x, vx, y, vy of each segment: `what` is "rmse" or "bias", `window` one of the windows' names."""
+    return {name: np.concatenate([getattr(each, what)(getattr(segment, window)) for segment in SEGMENTS]) for name, each in scores.items()}
+
+
+def exact_rms(linear, track, window):
+    """Exact root mean square over a slice of samples of a filter's bias, of its scatter, and of both together: three times (4,)."""
+    bias, covariance, _ = exact_errors(linear, track)
+    squares = np.square(bias)[:, window].mean(axis=1), np.einsum("iik->ik", covariance)[:, window].mean(axis=1)
+    return np.sqrt(squares[0]), np.sqrt(squares[1]), np.sqrt(squares[0] + squares[1])
+
+
+def figure_features(scores):
+    """What the text states of Figures 1 to 4, as ratios of RMSE: (figure, id, quantity, rule, (ratio, low, high))."""
+    skf, stkf, abma = (scores[name] for name in PAPERS)
+    for number, component in enumerate(COMPONENTS_OF_FIGURES, 1):
+        for i in (1, 2):
+            segment = SEGMENTS[i]
+            for other, name in ((skf, "SKF"), (stkf, "STKF")):
+                what = f"{segment.first}–{segment.last} s, {component}: ABMA / {name}"
+                yield number, f"accelerated-{i + 1}-{name.lower()}", what, "< 1", compared(abma, other, i, [component])
+        if component not in ("y", "vy"):
+            continue
+        for i in (4, 5):
+            interval = f"{SEGMENTS[i].first}–{SEGMENTS[i].last} s, {component}"
+            yield number, f"factor-{i + 1}", f"{interval}: STKF / STKF at rest", "> 1", compared(stkf, stkf, i, [component], against=3)
+            yield number, f"better-{i + 1}", f"{interval}: ABMA / STKF", "< 1", compared(abma, stkf, i, [component])
+        yield number, "sinusoid", f"1101–1300 s, {component}: ABMA / SKF", "< 1", compared(abma, skf, 6, [component])
+
+
+def settling(linear, track):
+    """Seconds after each change of motion until the exact mean error has settled, (segments − 1, 4) for x, vx, y, vy.
+
+    Settled is a mean error within one standard deviation of the noise in the same estimate about its last value in the segment: what is left there, a lag, is not a
+    matter of waiting. NaN where an axis goes on as before, or where its acceleration varies, so that there is nothing to settle to.
+    """
+    bias, covariance, _ = exact_errors(linear, track)
+    deviation = np.sqrt(np.einsum("iik->ik", covariance))
+    found = np.full((len(SEGMENTS) - 1, 4), np.nan)
+    for row, (before, segment) in enumerate(pairwise(SEGMENTS)):
+        for axis, components in AXIS.items():
+            motion = getattr(segment, axis)
+            if motion in ("uniform", "accelerated", "decelerated") and motion != getattr(before, axis):
+                for i in components:
+                    about = bias[i] - bias[i, segment.last]
+                    found[row, i] = settling_time(about, deviation[i, segment.last], segment.first, segment.last)
+    return found
+
+
+TRADE = {  # what a family of filters is judged by: segment and part of it
+    "at rest": (0, "settled"),
+    "accelerated, after 40 s": (1, "settled"),
+    "accelerated, first 40 s": (1, "transient"),
+    "varying acceleration": (4, "samples"),
+}
+
+
+def trade_off(family, settings, track):
+    """Exact errors in x and vx of a family of filters with known gains, in the parts of the track that `TRADE` names.
+
+    Parameters
+    ----------
+    family : callable
+        setting -> `Linear`.
+    settings : sequence of float
+    track : array_like, shape (4, 1301)
+
+    Returns
+    -------
+    numpy.ndarray, shape (len(settings), 4, 2)
+        Root mean square errors of x and vx, m and m/s.
+    """
+    windows = [getattr(SEGMENTS[i], part) for i, part in TRADE.values()]
+    return np.array([[exact_rms(family(setting), track, window)[2][:2] for window in windows] for setting in settings])
+
+
+def sampled_trade_off(contenders, runs, seed):
+    """The same by simulation, for filters whose gain depends on the data: one row for each."""
+    found = score([replace(each, name=str(i)) for i, each in enumerate(contenders)], runs, seed)
+    return np.array([[each.rmse(getattr(SEGMENTS[i], part))[:2] for i, part in TRADE.values()] for each in found.values()])
+
+
+def worst(scores, name, components=("x", "y"), part="settled"):
+    """Largest distance error over the segments: (root mean square error, index of the segment)."""
+    chosen = [COMPONENTS.index(each) for each in components]
+    values = [np.sqrt((scores[name].rmse(getattr(segment, part))[chosen] ** 2).sum()) for segment in SEGMENTS]
+    return float(max(values)), int(np.argmax(values))
+
+
+def shade(ax, numbers=False):
+    """Shade every other segment of Table 1, and number them above the axes where wanted."""
+    for i, segment in enumerate(SEGMENTS):
+        if i % 2:
+            ax.axvspan(segment.first - 1, segment.last, color="#56B4E9", alpha=0.12, linewidth=0, zorder=0)
+        if numbers:
+            middle = (segment.first + segment.last) / 2
+            ax.annotate(
+                str(i + 1), (middle, 1.0), xycoords=("data", "axes fraction"), ha="center", va="bottom", fontsize=8, color="#555555"
+            )
+    ax.set_xlim(0, STEPS)
