@@ -4,6 +4,8 @@ A matrix is ``(n, n)`` for one run or ``(n, n, M)`` for M runs; every function t
 With the runs last each operation is a plain loop over a few components whose every step works on M contiguous numbers.
 """
 
+import math
+
 import numpy as np
 
 from trackhelpers import compiled
@@ -31,7 +33,7 @@ def congruence(A, P):
 
 def symmetrised(P):
     """(P + Pᵀ)/2."""
-    return 0.5 * (P + np.swapaxes(P, 0, 1))
+    return 0.5 * (P + (P.T if P.ndim == 2 else np.swapaxes(P, 0, 1)))
 
 
 def cholesky(P):
@@ -52,7 +54,8 @@ def cholesky(P):
 
 def _positive(pivot):
     """`pivot` with NaN for what is not positive."""
-    return pivot if np.all(pivot > 0) else np.where(pivot > 0, pivot, np.nan)
+    positive = pivot > 0
+    return pivot if positive.all() else np.where(positive, pivot, np.nan)
 
 
 def solve_lower(L, B):
@@ -73,22 +76,54 @@ def inverse(P):
     return np.einsum("ki...,kj...->ij...", half, half)
 
 
+def eliminate(S, below):
+    """Symmetric elimination, S = L D Lᵀ, carried on through further rows.
+
+    Parameters
+    ----------
+    S : numpy.ndarray, shape (m, m, ...)
+        Only the lower half is read.
+    below : numpy.ndarray, shape (q, m, ...)
+
+    Returns
+    -------
+    A : numpy.ndarray, shape (m + q, m, ...)
+        L below its diagonal of ones (what stands on and above that means nothing), and below it `below` L⁻ᵀ D⁻¹.
+    D : numpy.ndarray, shape (m, ...)
+        Both NaN in the runs where S is not positive definite.
+    """
+    m = len(S)
+    A = np.empty((m + len(below), m, *np.broadcast_shapes(S.shape[2:], below.shape[2:])))
+    A[:m], A[m:] = S, below
+    D = np.empty_like(A[0])
+    with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+        for j in range(m):
+            column = A[j:, j]
+            if j > 0:
+                column -= np.einsum("ik...,k...->i...", A[j:, :j], A[j, :j] * D[:j])
+            D[j] = column[0]
+            column[1:] /= D[j]
+        positive = D > 0
+        if not positive.all():
+            lost = np.where(positive.all(axis=0), 0.0, np.nan)
+            A += lost
+            D += lost
+    return A, D
+
+
 def mahalanobis(y, S):
     """yᵀS⁻¹y for y (m, ...) and S (m, m, ...), by symmetric elimination; NaN where S is not positive definite."""
     if compiled.serves(S) and y.shape == S.shape[1:]:
         return compiled.mahalanobis(np.ascontiguousarray(y), np.ascontiguousarray(S))
-    A = np.array(S, dtype=float)
-    w = list(y)
-    total = 0.0
-    with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
-        for j in range(len(A)):
-            pivot = _positive(A[j, j])
-            total = total + w[j] * w[j] / pivot
-            factors = A[j + 1 :, j] / pivot
-            for i in range(j + 1, len(A)):
-                w[i] = w[i] - factors[i - j - 1] * w[j]
-                A[i, j + 1 : i + 1] -= factors[i - j - 1] * A[j + 1 : i + 1, j]
-    return total
+    A, D = eliminate(S, y[None])
+    with np.errstate(invalid="ignore", over="ignore"):
+        return np.einsum("j...,j...->...", A[-1] * D, A[-1])
+
+
+def all_finite(a):
+    """Whether all numbers of an array are finite: when their sum of squares is, they are, and only when it is not a closer look is needed."""
+    a = np.asarray(a)
+    return math.isfinite(np.vdot(a, a)) or bool(np.isfinite(a).all())
 
 
 def check_dt(dt, name="dt"):

@@ -6,10 +6,11 @@ runs in blocks that stay in the processor's cache, the run innermost, where the 
 """
 
 import os
+from functools import lru_cache
 
 import numpy as np
 
-BLOCK = 64  # runs at a time: a 6×6 covariance of that many takes 18 kB
+BLOCK = 128  # runs at a time: a 5×5 covariance of that many takes 26 kB
 LEAST_RUNS = 32  # below that, NumPy's overhead is no larger than that of handing the entries over
 
 try:
@@ -27,91 +28,93 @@ def serves(P):
 
 def stacked(entries, runs):
     """Rows, columns and values (E, runs) of a dict of matrix entries."""
-    places = np.array(list(entries), dtype=np.int64).reshape(-1, 2)
     values = np.empty((len(entries), runs))
     for row, value in zip(values, entries.values(), strict=True):
         row[:] = value
-    return places, values
+    return _places(tuple(entries)), values
+
+
+@lru_cache(maxsize=256)
+def _places(places):
+    return np.array(places, dtype=np.int64).reshape(-1, 2)
 
 
 if njit is not None:
     compiled = njit(cache=True, error_model="numpy", fastmath={"contract"})
-
-    # The innermost loops, on one contiguous row of a block each.
-
-    @compiled
-    def _add_product(y, a, x):
-        for r in range(y.size):
-            y[r] += a[r] * x[r]
+    # Runs are counted by unsigned numbers: an index that might be negative would be checked in every loop, which then is no vector loop. All loops over a
+    # block have its full length; in the last one, the lanes behind the last run hold what the block before left there.
+    LANES = np.uintp(BLOCK)
 
     @compiled
-    def _subtract_product(y, a, x):
-        for r in range(y.size):
-            y[r] -= a[r] * x[r]
-
-    @compiled
-    def _divide(y, a):
-        for r in range(y.size):
-            y[r] /= a[r]
-
-    @compiled
-    def _root(y):
-        for r in range(y.size):
-            y[r] = np.sqrt(y[r] if y[r] > 0.0 else np.nan)
-
-    @compiled
-    def _copy(y, x):
-        for r in range(y.size):
-            y[r] = x[r]
-
-    @compiled
-    def _store_symmetric(block, out, start):
-        w = block.shape[2]
-        for i in range(len(block)):
-            _copy(out[i, i, start : start + w], block[i, i])
-            for j in range(i):
-                below, above = block[i, j], block[j, i]
+    def _load(block, P, start, w):
+        for i in range(P.shape[0]):
+            for j in range(P.shape[1]):
                 for r in range(w):
-                    below[r] = 0.5 * (below[r] + above[r])
-                _copy(out[i, j, start : start + w], below)
-                _copy(out[j, i, start : start + w], below)
+                    block[i, j, r] = P[i, j, start + r]
+
+    @compiled
+    def _load_rows(block, values, start, w):
+        for e in range(len(values)):
+            for r in range(w):
+                block[e, r] = values[e, start + r]
+
+    @compiled
+    def _store(P, block, start, w):
+        for i in range(P.shape[0]):
+            for j in range(P.shape[1]):
+                for r in range(w):
+                    P[i, j, start + r] = block[i, j, r]
+
+    @compiled
+    def _store_lower(P, block, start, w):
+        """The lower half of a symmetric block, and its mirror image."""
+        for i in range(P.shape[0]):
+            for j in range(i + 1):
+                for r in range(w):
+                    P[i, j, start + r] = block[i, j, r]
+                for r in range(w):
+                    P[j, i, start + r] = block[i, j, r]
 
     @compiled
     def propagate(P, places, values, noise_places, noise):
         """F P Fᵀ + Q; see `trackhelpers.ensemble.covariance.propagate`. A diagonal value has its one taken off."""
         n, _, M = P.shape
         out = np.empty_like(P)
-        for start in range(0, M, BLOCK):
-            w = min(BLOCK, M - start)
-            half = P[:, :, start : start + w].copy()
+        whole, half = np.zeros((n, n, BLOCK)), np.zeros((n, n, BLOCK))
+        f, q = np.zeros((len(places), BLOCK)), np.zeros((len(noise_places), BLOCK))
+        for first in range(0, M, BLOCK):
+            start, w = np.uintp(first), np.uintp(min(BLOCK, M - first))
+            _load(whole, P, start, w)
+            _load(half, P, start, w)
+            _load_rows(f, values, start, w)
+            _load_rows(q, noise, start, w)
             for e in range(len(places)):
-                value = values[e, start : start + w]
-                for c in range(n):
-                    _add_product(half[places[e, 0], c], value, P[places[e, 1], c, start : start + w])
-            whole = half.copy()
+                i, k = places[e]
+                for j in range(n):
+                    for r in range(LANES):
+                        half[i, j, r] += f[e, r] * whole[k, j, r]
+            whole[:] = half
             for e in range(len(places)):
-                value = values[e, start : start + w]
-                for c in range(n):
-                    _add_product(whole[c, places[e, 0]], value, half[c, places[e, 1]])
+                i, k = places[e]
+                for j in range(i, n):
+                    for r in range(LANES):
+                        whole[j, i, r] += f[e, r] * half[j, k, r]
             for e in range(len(noise_places)):
                 i, j = noise_places[e]
-                value = noise[e, start : start + w]
-                for r in range(w):
-                    whole[i, j, r] += value[r]
-                if i != j:
-                    for r in range(w):
-                        whole[j, i, r] += value[r]
-            _store_symmetric(whole, out, start)
+                for r in range(LANES):
+                    whole[i, j, r] += q[e, r]
+            _store_lower(out, whole, start, w)
         return out
 
     @compiled
-    def _apply_right(block, places, values, start, product):
+    def _apply_right(block, places, h, product):
+        """P Hᵀ of a block."""
         product[:] = 0.0
-        w = block.shape[2]
         for e in range(len(places)):
-            value = values[e, start : start + w]
-            for c in range(len(block)):
-                _add_product(product[c, places[e, 0]], value, block[c, places[e, 1]])
+            a, j = places[e]
+            for i in range(len(block)):
+                for r in range(LANES):
+                    product[i, a, r] += h[e, r] * block[i, j, r]
 
     @compiled
     def correct(P, places, values, R):
@@ -119,76 +122,94 @@ if njit is not None:
         n, _, M = P.shape
         m = len(R)
         K, S, out = np.empty((n, m, M)), np.empty((m, m, M)), np.empty_like(P)
-        for start in range(0, M, BLOCK):
-            w = min(BLOCK, M - start)
-            B = P[:, :, start : start + w].copy()
-            PHt = np.empty((n, m, w))
-            _apply_right(B, places, values, start, PHt)
-            s = np.empty((m, m, w))
+        B, h, s = np.zeros((n, n, BLOCK)), np.zeros((len(places), BLOCK)), np.empty((m, m, BLOCK))
+        PHt, k = np.empty((n, m, BLOCK)), np.empty((n, m, BLOCK))
+        for first in range(0, M, BLOCK):
+            start, w = np.uintp(first), np.uintp(min(BLOCK, M - first))
+            _load(B, P, start, w)
+            _load_rows(h, values, start, w)
+            _apply_right(B, places, h, PHt)
             for i in range(m):
                 for j in range(m):
-                    s[i, j, :] = R[i, j]
+                    s[i, j] = R[i, j]
             for e in range(len(places)):
-                value = values[e, start : start + w]
-                for j in range(m):
-                    _add_product(s[places[e, 0], j], value, PHt[places[e, 1], j])
-            _store_symmetric(s, S, start)
+                i, j = places[e]
+                for a in range(i + 1):
+                    for r in range(LANES):
+                        s[i, a, r] += h[e, r] * PHt[j, a, r]
+            _store_lower(S, s, start, w)
             _factorise(s)
-            k = PHt.copy()  # K = PHᵀ S⁻¹ by two triangular solves
+            k[:] = PHt  # K = PHᵀ S⁻¹ by two triangular solves
             for i in range(n):
                 for a in range(m):
                     for b in range(a):
-                        _subtract_product(k[i, a], s[a, b], k[i, b])
-                    _divide(k[i, a], s[a, a])
-                for a in range(m - 1, -1, -1):
+                        for r in range(LANES):
+                            k[i, a, r] -= s[a, b, r] * k[i, b, r]
+                    for r in range(LANES):
+                        k[i, a, r] *= s[a, a, r]
+                for back in range(m):
+                    a = m - 1 - back
                     for b in range(a + 1, m):
-                        _subtract_product(k[i, a], s[b, a], k[i, b])
-                    _divide(k[i, a], s[a, a])
-            K[:, :, start : start + w] = k
+                        for r in range(LANES):
+                            k[i, a, r] -= s[b, a, r] * k[i, b, r]
+                    for r in range(LANES):
+                        k[i, a, r] *= s[a, a, r]
+            _store(K, k, start, w)
             for i in range(n):  # Joseph's form: B = P − K(PHᵀ)ᵀ, then B − (BHᵀ − KR)Kᵀ
                 for a in range(m):
                     for j in range(n):
-                        _subtract_product(B[i, j], k[i, a], PHt[j, a])
+                        for r in range(LANES):
+                            B[i, j, r] -= k[i, a, r] * PHt[j, a, r]
             slack = PHt
-            _apply_right(B, places, values, start, slack)
+            _apply_right(B, places, h, slack)
+            for a in range(m):
+                for b in range(m):
+                    weight = R[b, a]
+                    if weight != 0.0:
+                        for i in range(n):
+                            for r in range(LANES):
+                                slack[i, a, r] -= k[i, b, r] * weight
             for i in range(n):
                 for a in range(m):
-                    for b in range(m):
-                        if R[b, a] != 0.0:
-                            row, gain = slack[i, a], k[i, b]
-                            for r in range(w):
-                                row[r] -= gain[r] * R[b, a]
-            for i in range(n):
-                for a in range(m):
-                    for j in range(n):
-                        _subtract_product(B[i, j], slack[i, a], k[j, a])
-            _store_symmetric(B, out, start)
+                    for j in range(i + 1):
+                        for r in range(LANES):
+                            B[i, j, r] -= slack[i, a, r] * k[j, a, r]
+            _store_lower(out, B, start, w)
         return K, S, out
 
     @compiled
     def _factorise(s):
-        """Cholesky's factor of a block in place, lower triangle; NaN where it is not positive definite."""
+        """Cholesky's factor of a block in place, lower triangle, its diagonal inverted; NaN where it is not positive definite."""
         for j in range(len(s)):
-            _root(s[j, j])
+            for r in range(LANES):
+                s[j, j, r] = 1.0 / np.sqrt(s[j, j, r] if s[j, j, r] > 0.0 else np.nan)
             for i in range(j + 1, len(s)):
-                _divide(s[i, j], s[j, j])
+                for r in range(LANES):
+                    s[i, j, r] *= s[j, j, r]
             for i in range(j + 1, len(s)):
                 for c in range(j + 1, i + 1):
-                    _subtract_product(s[i, c], s[i, j], s[c, j])
+                    for r in range(LANES):
+                        s[i, c, r] -= s[i, j, r] * s[c, j, r]
 
     @compiled
     def mahalanobis(y, S):
         """yᵀS⁻¹y; see `trackhelpers.arrays.mahalanobis`."""
         n, M = y.shape
-        total = np.zeros(M)
-        for start in range(0, M, BLOCK):
-            w = min(BLOCK, M - start)
-            L, b = S[:, :, start : start + w].copy(), y[:, start : start + w].copy()
+        total = np.empty(M)
+        L, b, part = np.zeros((n, n, BLOCK)), np.zeros((n, BLOCK)), np.empty(BLOCK)
+        for first in range(0, M, BLOCK):
+            start, w = np.uintp(first), np.uintp(min(BLOCK, M - first))
+            _load(L, S, start, w)
+            _load_rows(b, y, start, w)
             _factorise(L)
-            part = total[start : start + w]
+            part[:] = 0.0
             for j in range(n):
-                _divide(b[j], L[j, j])
-                _add_product(part, b[j], b[j])
+                for r in range(LANES):
+                    b[j, r] *= L[j, j, r]
+                    part[r] += b[j, r] * b[j, r]
                 for i in range(j + 1, n):
-                    _subtract_product(b[i], L[i, j], b[j])
+                    for r in range(LANES):
+                        b[i, r] -= L[i, j, r] * b[j, r]
+            for r in range(w):
+                total[start + r] = part[r]
         return total

@@ -3,6 +3,8 @@
 A sensor learns the layout of the state from the names of the model, ``Radar(sigma, state=model.state)``; without them it takes CTRV's.
 """
 
+from functools import cached_property
+
 import numpy as np
 
 from trackhelpers import angles as _angles
@@ -47,14 +49,14 @@ class Sensor:
         """Number of measured components."""
         return len(self.names)
 
-    @property
+    @cached_property
     def angles(self):
         """Indices of the measured components that are angles."""
         return tuple(i for i, name in enumerate(self.names) if name in self._angular)
 
     def h(self, x):
         """Measurement of state x without noise: (n, ...) to (m, ...). ValueError for a first axis that is not n, or a state (n,) not finite."""
-        return np.stack(self._h(check_array(x, "x", len(self.state))))
+        return np.array(self._h(check_array(x, "x", len(self.state))), dtype=float)
 
     def H(self, x):
         """Jacobian ∂h/∂x at x: (n, ...) to (m, n, ...). Errors as for `h`."""

@@ -40,6 +40,36 @@ def test_an_indefinite_run_becomes_nan_and_leaves_its_neighbours(stack):
     assert np.array_equal(np.delete(spoilt, 2, -1), np.delete(clean, 2, -1))
 
 
+def test_elimination_is_a_triangular_factorisation_carried_on(stack):
+    P, rows = stack
+    below = np.random.default_rng(4).normal(size=(2, 4, 5))
+    A, D = arrays.eliminate(P, below)
+    for m in range(5):
+        L = np.tril(A[:4, :, m], -1) + np.eye(4)
+        np.testing.assert_allclose(L @ np.diag(D[:, m]) @ L.T, rows[m], atol=1e-13)
+        np.testing.assert_allclose(A[4:, :, m] @ np.diag(D[:, m]) @ L.T, below[..., m], atol=1e-13)
+
+
+@pytest.mark.parametrize(
+    "function", [lambda P: arrays.eliminate(P, np.ones((2, 4, 5)))[0][4:], lambda P: arrays.mahalanobis(np.ones((4, 5)), P)]
+)
+@pytest.mark.parametrize("place", [(0, 0), (3, 3)])
+def test_elimination_marks_an_indefinite_run_and_leaves_its_neighbours(stack, function, place):
+    spoilt = stack[0].copy()
+    spoilt[(*place, 2)] = -50
+    clean, marked = function(stack[0]), function(spoilt)
+    assert np.isnan(marked[..., 2]).all()
+    assert np.array_equal(np.delete(marked, 2, -1), np.delete(clean, 2, -1))
+
+
+@pytest.mark.parametrize("number", [np.nan, np.inf, -np.inf])
+def test_all_finite_sees_one_number_that_is_not(number):
+    a = np.full((2, 3), 1e200)  # whose square overflows
+    assert arrays.all_finite(a) and arrays.all_finite(a[:, ::2]) and arrays.all_finite(np.zeros((2, 0)))
+    a[1, 1] = number
+    assert not arrays.all_finite(a) and not arrays.all_finite(a / 1e200)
+
+
 @pytest.mark.parametrize("dt", [-1e-9, np.nan, np.inf, "soon", None, [1, 2]])
 def test_check_dt_names_the_argument(dt):
     with pytest.raises(ValueError, match="dt"):

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from trackhelpers import arrays, compiled
-from trackhelpers.ensemble import covariance
-from trackhelpers.motion import CA, CTRA, CTRV
+from trackhelpers.ensemble import EnsembleEKF, EnsembleKF, covariance
+from trackhelpers.motion import CA, CTRA, CTRV, CV
 from trackhelpers.sensors import Lidar, Radar
 
 pytestmark = pytest.mark.skipif(compiled.njit is None, reason="numba is not installed")
@@ -52,3 +52,54 @@ def test_mahalanobis_equals_numpys(monkeypatch):
     fast, plain = both(monkeypatch, lambda: arrays.mahalanobis(x, P))
     np.testing.assert_allclose(fast, plain, rtol=1e-9)
     assert np.array_equal(np.flatnonzero(np.isnan(fast)), [BROKEN])
+
+
+def test_a_run_that_breaks_down_leaves_its_neighbours_bit_for_bit():
+    model, rng = CTRV(2.0, 0.3), np.random.default_rng(1)
+    x0, zs = rng.normal(size=(5, M)) + 3, rng.normal(size=(4, 3, M)) + 3
+    clean, spoilt = (EnsembleEKF(model, x0, np.eye(5)) for _ in range(2))
+    spoilt.P[0, 0, BROKEN] = -50.0
+    for z in zs:
+        for ens in (clean, spoilt):
+            ens.predict(0.05)
+            ens.update(z, Radar())
+    others = np.arange(M) != BROKEN
+    assert np.array_equal(np.flatnonzero(spoilt.failed), [BROKEN])
+    assert np.array_equal(spoilt.x[:, others], clean.x[:, others]) and np.array_equal(spoilt.P[..., others], clean.P[..., others])
+
+
+@pytest.mark.parametrize("runs", [compiled.LEAST_RUNS, M])
+def test_a_run_does_not_depend_on_how_many_stand_beside_it(runs):
+    x, P = state_and_covariance(CTRV())
+    entries = Radar().entries(x)
+    whole = covariance.correct(P, entries, Radar().R)
+    part = covariance.correct(P[..., :runs], {place: value[:runs] for place, value in entries.items()}, Radar().R)
+    for a, b in zip(whole, part, strict=True):
+        assert np.array_equal(a[..., :runs], b, equal_nan=True)
+
+
+def test_a_step_of_a_linear_filter_equals_numpys(monkeypatch):
+    model, rng = CV(0.5), np.random.default_rng(2)
+    x0, zs, sensor = rng.normal(size=(4, M)), rng.normal(size=(20, 2, M)), Lidar(state=model.state)
+
+    def run():
+        ens = EnsembleKF(model, x0, np.eye(4))
+        for z in zs:
+            ens.predict(0.1)
+            ens.update(z, sensor)
+        return ens.x, ens.P, ens.y, ens.S, ens.K
+
+    for a, b in zip(*both(monkeypatch, run), strict=True):
+        np.testing.assert_allclose(a, b, atol=1e-13)
+
+
+def test_a_linear_filter_whose_innovation_covariance_is_singular_turns_nan(monkeypatch):
+    model = CV(0.5)
+
+    def run():
+        ens = EnsembleKF(model, np.zeros((4, M)), np.zeros((4, 4)))
+        ens.update(np.ones((2, M)), Lidar(0.0, model.state))
+        return ens.failed
+
+    fast, plain = both(monkeypatch, run)
+    assert fast.all() and plain.all()

@@ -79,6 +79,35 @@ def test_gain_is_computed_once_until_a_run_misses_a_measurement():
     assert (ens.P[0, 0, 0] > ens.P[0, 0, 1:]).all()
 
 
+@pytest.mark.parametrize("runs", [M, 40])  # with NumPy, and compiled where numba is there
+def test_what_a_linear_filter_keeps_follows_a_changed_step_sensor_model_and_covariance(runs):
+    model, other = CV(2.0), CV(0.3)
+    sensors = Lidar(0.15, model.state), Position((0.4, 0.1), model.state)
+    rng, x0 = np.random.default_rng(3), np.zeros((4, runs))
+    kept, single = EnsembleKF(model, x0, np.eye(4)), MotionKF(model, x0[:, 0], np.eye(4))
+
+    def step(dt, sensor):
+        z = rng.normal(size=(2, runs))
+        for kf, seen in ((kept, z), (single, z[:, 0])):
+            kf.predict(dt)
+            kf.update(seen, sensor)
+        for name in ("x", "P", "y", "S", "K"):
+            np.testing.assert_allclose(getattr(kept, name)[..., 0], getattr(single, name), atol=1e-12, err_msg=name)
+
+    for dt, sensor in ((0.1, sensors[0]), (0.1, sensors[1]), (0.3, sensors[1]), (0.0, sensors[0])):
+        step(dt, sensor)
+    kept.model = single.model = other
+    step(0.3, sensors[0])
+    kept.P = single.P = 5 * np.eye(4)  # one for all again
+    step(0.3, sensors[0])
+    assert kept._P.ndim == 2
+    kept.P, single.P = np.repeat(2 * np.eye(4)[..., None], runs, axis=2), 2 * np.eye(4)
+    step(0.3, sensors[1])
+    assert kept.P.shape == (4, 4, runs)
+    with pytest.raises(ValueError, match="read-only"):
+        EnsembleKF(model, x0, np.eye(4)).P[0, 0, 0] = 1
+
+
 def test_asymmetric_process_noise_runs_as_in_filterpy_when_it_is_asked_for():
     Q = 0.01 * np.eye(5)
     Q[3, 4] = 0.005

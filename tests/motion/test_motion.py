@@ -4,6 +4,7 @@ import pytest
 from filterpy.common import Q_discrete_white_noise
 from scipy.integrate import solve_ivp
 
+from trackhelpers.angles import cos_sin
 from trackhelpers.motion import CA, CCA, CSAA, CSAV, CTRA, CTRV, CV, PolarCA, PolarCV, turn_integrals
 
 L = 2.7
@@ -154,6 +155,14 @@ def test_ctrv_is_exact_to_1e_14_at_any_turn_rate(w):
         (mpmath.mpc(*F[:2, 4].tolist()), 1j * v * integral(1)),
     ]:
         assert abs(got - exact) <= 1e-14 * abs(exact)
+
+
+def test_cosine_and_sine_by_the_half_angle_are_exact_to_the_last_places():
+    angle = np.concatenate([np.linspace(-10, 10, 4001), [np.pi, -np.pi, np.pi / 2, 1e-300, 1e5, 1e10]])
+    cos, sin = cos_sin(angle)
+    np.testing.assert_allclose(cos, [float(mpmath.cos(a)) for a in angle.tolist()], rtol=0, atol=5e-16)
+    np.testing.assert_allclose(sin, [float(mpmath.sin(a)) for a in angle.tolist()], rtol=2e-15, atol=0)
+    assert (cos_sin(0.0), np.isnan(cos_sin(np.nan)).all()) == ((1, 0), True)
 
 
 @pytest.mark.parametrize("phi", [0.0, 1e-9, 0.5, 0.999999, 1.000001, 3.0, 6.283, 50.0, -2.0])

@@ -28,6 +28,51 @@ def test_any_trailing_axes_equal_one_target_at_a_time(state):
             np.testing.assert_allclose(sensor.H(X)[..., i, j], sensor.H(X[:, i, j]))
 
 
+@pytest.mark.parametrize("state", STATES, ids="-".join)
+@pytest.mark.parametrize("make", [Lidar, Radar, lambda **s: RangeBearing((1.0, 0.1), **s)], ids=["Lidar", "Radar", "RangeBearing"])
+def test_linearised_is_h_and_H(make, state):
+    sensor = make(state=state)
+    for x in (np.random.default_rng(2).normal(size=(len(state), 7)), np.arange(1.0, len(state) + 1)):
+        seen, entries = sensor.linearised(x)
+        np.testing.assert_array_equal(seen, sensor.h(x))
+        H = np.zeros((sensor.m, len(state), *x.shape[1:]))
+        for place, value in entries.items():
+            H[place] = value
+        np.testing.assert_array_equal(H, sensor.H(x))
+
+
+def test_linearised_computes_what_h_and_H_share_once_and_forgets_it():
+    class Counting(Radar):
+        count = 0
+
+        def _share(self, x):
+            self.count += 1
+            return super()._share(x)
+
+    radar, x = Counting(), np.ones((5, 3))
+    radar.linearised(x)
+    assert radar.count == 1
+    x[0] = 2  # the same array, another state
+    assert radar.h(x)[0, 0] == pytest.approx(np.sqrt(5))
+    with pytest.raises(ValueError, match="range 0"):
+        radar.linearised(np.zeros(5))
+    assert radar.linearised(x)[0][0, 0] == pytest.approx(np.sqrt(5))
+
+
+def test_linearised_takes_the_h_and_H_of_a_subclass():
+    class Doubled(Radar):
+        def _h(self, x):
+            return [2 * value for value in super()._h(x)]
+
+        def _entries(self, x):
+            return {place: 2 * value for place, value in super()._entries(x).items()}
+
+    x = np.ones((5, 3))
+    (one, one_H), (two, two_H) = Radar().linearised(x), Doubled().linearised(x)
+    np.testing.assert_array_equal(two, 2 * one)
+    assert all(np.array_equal(two_H[place], 2 * one_H[place]) for place in one_H)
+
+
 def test_range_rate_is_the_derivative_of_the_range_along_the_motion():
     model, radar, x, dt = CTRV(), Radar(), np.array([3.0, -2.0, 5.0, 0.7, 0.4]), 1e-6
     ahead, behind = radar.h(model.f(x, dt)), radar.h(2 * x - model.f(x, dt))

@@ -1,7 +1,8 @@
 """The same models and sensors over thousands of Monte Carlo runs at once, runs on the last axis."""
 
 from trackhelpers.ensemble.exact import exact_error
-from trackhelpers.ensemble.filters import EnsembleEKF, EnsembleKF, EnsembleUKF
+from trackhelpers.ensemble.filters import EnsembleEKF, EnsembleUKF
+from trackhelpers.ensemble.linear import EnsembleKF
 from trackhelpers.ensemble.montecarlo import monte_carlo, standard_normal
 
 __all__ = ["EnsembleEKF", "EnsembleKF", "EnsembleUKF", "exact_error", "monte_carlo", "standard_normal"]

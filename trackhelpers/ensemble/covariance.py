@@ -7,7 +7,7 @@ H has a few entries, and K has as many columns as the sensor has components.
 import numpy as np
 
 from trackhelpers import compiled
-from trackhelpers.arrays import cholesky, congruence, matmul, solve_lower
+from trackhelpers.arrays import congruence, eliminate, matmul
 
 
 def propagate(P, transition, noise):
@@ -29,19 +29,54 @@ def propagate(P, transition, noise):
     difference = {(i, j): value - 1 if i == j else value for (i, j), value in transition.items()}  # F − I
     if compiled.serves(P):
         runs = P.shape[2]
-        return compiled.propagate(P, *compiled.stacked(difference, runs), *compiled.stacked(noise, runs))
-    half = P.copy()
-    for (i, j), value in difference.items():
-        half[i] += value * P[j]
-    whole = half.copy()
-    for (i, j), value in difference.items():
-        whole[:, i] += value * half[:, j]
+        return compiled.propagate(np.ascontiguousarray(P), *compiled.stacked(difference, runs), *compiled.stacked(noise, runs))
+    D, whole = gathered(difference, P.shape[2:]), P.copy()
+    _add_left(whole, D, P)
+    _add_right(whole, whole.copy(), D)
     for (i, j), value in noise.items():
         whole[i, j] += value
-        if i != j:
-            whole[j, i] += value
-    mirror(whole)
+    copy_lower(whole)
     return whole
+
+
+def gathered(entries, runs):
+    """A matrix ready for products: the rows and columns of the block that holds all entries which differ from run to run, this block dense, and the rest.
+
+    For NumPy a call costs more than a few products with zero.
+    """
+    single = {place: value for place, value in entries.items() if not np.ndim(value)}
+    varying = [place for place in entries if place not in single]
+    if not varying:
+        return None, None, None, single
+    rows, columns = (slice(min(axis), max(axis) + 1) for axis in zip(*varying, strict=True))
+    block = np.zeros((rows.stop - rows.start, columns.stop - columns.start, *runs))
+    for i, j in varying:
+        block[i - rows.start, j - columns.start] = entries[i, j]
+    return rows, columns, block, single
+
+
+def _add_left(out, A, P):
+    """out += A P for a `gathered` A."""
+    rows, columns, block, single = A
+    if block is not None:
+        out[rows] += np.einsum("ik...,kj...->ij...", block, P[columns])
+    for (i, k), value in single.items():
+        out[i] += value * P[k]
+
+
+def _add_right(out, P, A):
+    """out += P Aᵀ for a `gathered` A."""
+    rows, columns, block, single = A
+    if block is not None:
+        out[:, rows] += np.einsum("jk...,ik...->ji...", P[:, columns], block)
+    for (i, k), value in single.items():
+        out[:, i] += value * P[:, k]
+
+
+def copy_lower(P):
+    """Make P (n, n, M) exactly symmetric in place: the lower half replaces the upper one."""
+    for i in range(1, len(P)):
+        P[:i, i] = P[i, :i]
 
 
 def mirror(P):
@@ -50,14 +85,6 @@ def mirror(P):
         P[i, :i] += P[:i, i]
         P[i, :i] *= 0.5
         P[:i, i] = P[i, :i]
-
-
-def apply_right(P, entries, m):
-    """P Hᵀ, shape (n, m, M), from the entries (row, column) -> value of H."""
-    product = np.zeros((len(P), m, *P.shape[2:]))
-    for (row, column), value in entries.items():
-        product[:, row] += value * P[:, column]
-    return product
 
 
 def correct(P, entries, R):
@@ -79,25 +106,24 @@ def correct(P, entries, R):
         NaN in the runs whose S is not positive definite.
     """
     if compiled.serves(P):
-        return compiled.correct(P, *compiled.stacked(entries, P.shape[2]), R)
-    n, m = len(P), len(R)
-    PHt = apply_right(P, entries, m)
-    S = np.zeros((m, m, *P.shape[2:]))
-    S += R.reshape(m, m, *[1] * (P.ndim - 2))
-    for (row, column), value in entries.items():
-        S[row] += value * PHt[column]
-    mirror(S)
+        return compiled.correct(np.ascontiguousarray(P), *compiled.stacked(entries, P.shape[2]), np.array(R))
+    H, m = gathered(entries, P.shape[2:]), len(R)
+    PHt, S = np.zeros((len(P), m, *P.shape[2:])), np.empty((m, m, *P.shape[2:]))
+    S[:] = R[..., None]
+    _add_right(PHt, P, H)
+    _add_left(S, H, PHt)
+    copy_lower(S)
     K = gain(PHt, S)
-    B = P.copy()
-    for k in range(m):
-        for i in range(n):
-            B[i] -= K[i, k] * PHt[:, k]
-    slack = apply_right(B, entries, m) - np.einsum("ik...,kl->il...", K, R)
-    for k in range(m):
-        for i in range(n):
-            B[i, : i + 1] -= slack[i, k] * K[: i + 1, k]
-    for i in range(1, n):
-        B[:i, i] = B[i, :i]
+    B = np.einsum("ik...,jk...->ij...", K, PHt)  # a large temporary array costs more than the arithmetic: what can be is done in place
+    np.subtract(P, B, out=B)
+    slack = np.zeros_like(PHt)
+    for k, row in enumerate(R.tolist()):
+        for l, weight in enumerate(row):
+            if weight != 0:
+                slack[:, l] -= K[:, k] * weight
+    _add_right(slack, B, H)
+    B -= np.einsum("ik...,jk...->ij...", slack, K)
+    copy_lower(B)
     return K, S, B
 
 
@@ -116,10 +142,10 @@ def correct_unsymmetric(P, H, R):
 
 
 def gain(PHt, S):
-    """K = P Hᵀ S⁻¹ by Cholesky's factor of S, shape (n, m, M)."""
-    L = cholesky(S)
-    half = solve_lower(L, np.swapaxes(PHt, 0, 1))
-    K = np.empty_like(PHt)
-    for k in reversed(range(len(S))):
-        K[:, k] = (half[k] - sum(L[j, k] * K[:, j] for j in range(k + 1, len(S)))) / L[k, k]
+    """K = P Hᵀ S⁻¹ by symmetric elimination, shape (n, m, M); NaN where S is not positive definite."""
+    m = len(S)
+    A, _ = eliminate(S, PHt)
+    L, K = A[:m], A[m:]
+    for k in reversed(range(m - 1)):
+        K[:, k] -= np.einsum("ij...,j...->i...", K[:, k + 1 :], L[k + 1 :, k])
     return K

@@ -10,6 +10,8 @@ which are smooth at φ = 0, where the printed form (sin(θ+φ) − sin θ)/ω is
 import numpy as np
 from scipy.special import spherical_jn
 
+from trackhelpers.angles import cos_sin
+
 _SMALL = 0.5  # below this half angle the series of j₁, j₂ and j₃ needs no more than 7 terms for full double precision
 # Taylor coefficients of j_l(h)/h^l in h²: (−1)^k / (2^k k! (2l+2k+1)!!), lowest power first
 _SERIES = {
@@ -20,10 +22,13 @@ _SERIES = {
 
 def unit(angle):
     """e^{i·angle}, from a cosine and a sine (NumPy's complex exponential is slower)."""
-    direction = np.empty(np.shape(angle), dtype=complex)
-    direction.real = np.cos(angle)
-    direction.imag = np.sin(angle)
-    return direction
+    return _complex(*cos_sin(angle))
+
+
+def _complex(real, imag):
+    number = np.empty(np.shape(real), dtype=complex)
+    number.real, number.imag = real, imag
+    return number
 
 
 def _bessel(l, h):
@@ -31,12 +36,11 @@ def _bessel(l, h):
     small = np.abs(h) <= _SMALL
     square = h * h
     value = np.full_like(h, _SERIES[l][-1])
-    with np.errstate(over="ignore", invalid="ignore"):  # large h is replaced below
-        for coefficient in reversed(_SERIES[l][:-1]):
-            value *= square
-            value += coefficient
-        for _ in range(l):
-            value *= h
+    for coefficient in reversed(_SERIES[l][:-1]):
+        value *= square
+        value += coefficient
+    for _ in range(l):
+        value *= h
     if not np.all(small):
         large = ~small
         # j_l(−h) = (−1)^l j_l(h): SciPy promises real arguments of either sign only where it recurs upwards
@@ -66,20 +70,26 @@ def turn_integrals(phi, order):
         raise ValueError(f"order: expected 0, 1, 2 or 3, got {order!r}")
     phi = np.asarray(phi, dtype=float)
     h = np.atleast_1d(0.5 * phi)
-    with np.errstate(invalid="ignore"):  # a diverged run holds inf or NaN
+    with np.errstate(over="ignore", invalid="ignore"):  # a diverged run holds inf or NaN; and for a large h no series is used
         turn = unit(h)
-        j0 = np.divide(turn.imag, h, out=np.ones_like(h), where=h != 0)
-    E = [turn * j0]
-    if order >= 1:
-        j1 = _bessel(1, h)
-        E.append(0.5 * turn * (j0 + 1j * j1))
-    if order >= 2:
-        j2 = _bessel(2, h)
-        E.append(turn * ((j0 - 0.5 * j2) / 3 + 0.5j * j1))
-    if order >= 3:
-        j3 = _bessel(3, h)
-        E.append(turn * (0.25 * (j0 - j2) + 1j * (0.45 * j1 - 0.05 * j3)))
+        j0 = turn.imag / h if np.all(h) else np.divide(turn.imag, h, out=np.ones_like(h), where=h != 0)
+        E = [turn * j0]
+        if order >= 1:
+            j1 = _bessel(1, h)
+            E.append(turn * _complex(0.5 * j0, 0.5 * j1))
+        if order >= 2:
+            j2 = _bessel(2, h)
+            E.append(turn * _complex((j0 - 0.5 * j2) / 3, 0.5 * j1))
+        if order >= 3:
+            j3 = _bessel(3, h)
+            E.append(turn * _complex(0.25 * (j0 - j2), 0.45 * j1 - 0.05 * j3))
     return [e.reshape(phi.shape) for e in E]
+
+
+def turned_moments(heading, rate, dt, order):
+    """e^{iθ} and the moments ∫₀^dt tⁿ e^{i(θ + ωt)} dt, n = 0, …, order, of the direction in a step that turns from `heading` θ at `rate` ω."""
+    u = unit(heading)
+    return u, [dt ** (n + 1) * (u * E) for n, E in enumerate(turn_integrals(rate * dt, order))]
 
 
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(24)

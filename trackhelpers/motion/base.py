@@ -1,5 +1,7 @@
 """What all motion models share: argument checks, and dense matrices built from the entries a model writes down."""
 
+from functools import cached_property
+
 import numpy as np
 
 from trackhelpers.arrays import check_array, check_covariance, check_dt, check_scale
@@ -45,7 +47,7 @@ class Model:
         """Number of state components."""
         return len(self.state)
 
-    @property
+    @cached_property
     def angles(self):
         """Indices of the state components that are angles."""
         return tuple(i for i, name in enumerate(self.state) if name in self._angular)
@@ -71,7 +73,7 @@ class Model:
             A first axis that is not n, a state (n,) that is not finite, a negative dt.
         """
         x, dt = self._arguments(x, dt)
-        return np.stack(np.broadcast_arrays(*self._rows(x, dt, self._arc(x, dt, 0))))
+        return self._filled(self._rows(x, dt, self._arc(x, dt, 0)), x)
 
     def F(self, x, dt):
         """Jacobian ∂f/∂x at `x`, shape (n, n, ...); arguments as for `f`."""
@@ -104,7 +106,7 @@ class Model:
         """
         x, dt = self._arguments(x, dt)
         arc = self._arc(x, dt, 2 if self.noise == "exact" else 1)
-        f = np.stack(np.broadcast_arrays(*self._rows(x, dt, arc)))
+        f = self._filled(self._rows(x, dt, arc), x)
         transition = self._jacobian(x, dt, arc)
         if self._Q is not None:
             return f, transition, {(i, j): self._Q[i, j] for i, j in zip(*np.nonzero(np.tril(self._Q)), strict=True)}
@@ -118,6 +120,13 @@ class Model:
 
     def _arguments(self, x, dt):
         return check_array(x, "x", self.n), check_dt(dt)
+
+    @staticmethod
+    def _filled(rows, x):
+        f = np.empty(x.shape)
+        for i, row in enumerate(rows):
+            f[i] = row
+        return f
 
     @staticmethod
     def _dense(entries, x, constant):

@@ -1,6 +1,6 @@
 """Turn-rate models: the heading turns at a rate ω of its own (thesis, section 3.3)."""
 
-from trackhelpers.motion.arc import turn_integrals, unit
+from trackhelpers.motion.arc import turned_moments
 from trackhelpers.motion.base import Model, pair
 
 
@@ -23,26 +23,24 @@ class CTRV(Model):
         super().__init__([("sigma_a", sigma_a), ("sigma_w", sigma_w)], noise, Q, checked)
 
     def _arc(self, x, dt, order):
-        return unit(x[3]), turn_integrals(x[4] * dt, order)
+        return turned_moments(x[3], x[4], dt, order)
 
     def _rows(self, x, dt, arc):
         px, py, v, heading, w = x
-        u, E = arc
-        step = v * dt * u * E[0]  # (3.8), without its division by ω
+        step = v * arc[1][0]  # (3.8), without its division by ω
         return px + step.real, py + step.imag, v, heading + w * dt, w
 
     def _jacobian(self, x, dt, arc):
-        v, (u, E) = x[2], arc
-        d_speed = dt * u * E[0]
+        sideways, (_, E) = 1j * x[2], arc
         # (3.10) corrected; at ω = 0 the last column is that of (3.11) corrected
-        return pair(2, d_speed) | pair(3, 1j * v * d_speed) | pair(4, 1j * v * dt**2 * u * E[1]) | {(3, 4): dt}
+        return pair(2, E[0]) | pair(3, sideways * E[0]) | pair(4, sideways * E[1]) | {(3, 4): dt}
 
     def _gain(self, x, dt, arc):
         return pair(0, dt**2 / 2 * arc[0]) | {(2, 0): dt, (3, 1): dt**2 / 2, (4, 1): dt}  # (3.13)
 
     def _arc_gain(self, x, dt, arc):
-        v, (u, E) = x[2], arc
-        return self._gain(x, dt, arc) | pair(0, dt**2 * u * E[1]) | pair(1, 0.5j * v * dt**3 * u * E[2])
+        v, (_, E) = x[2], arc
+        return self._gain(x, dt, arc) | pair(0, E[1]) | pair(1, 0.5j * v * E[2])
 
 
 class CTRA(Model):
@@ -64,24 +62,22 @@ class CTRA(Model):
         super().__init__([("sigma_j", sigma_j), ("sigma_w", sigma_w)], noise, Q, checked)
 
     def _arc(self, x, dt, order):
-        return unit(x[3]), turn_integrals(x[4] * dt, order + 1)
+        return turned_moments(x[3], x[4], dt, order + 1)
 
     def _rows(self, x, dt, arc):
         px, py, v, heading, w, a = x
-        u, E = arc
-        step = u * (v * dt * E[0] + a * dt**2 * E[1])
+        _, E = arc
+        step = v * E[0] + a * E[1]
         return px + step.real, py + step.imag, v + a * dt, heading + w * dt, w, a
 
     def _jacobian(self, x, dt, arc):
-        v, a, (u, E) = x[2], x[5], arc
-        d_turn = 1j * dt**2 * u * (v * E[1] + a * dt * E[2])
-        entries = pair(2, dt * u * E[0]) | pair(3, 1j * dt * u * (v * E[0] + a * dt * E[1])) | pair(4, d_turn) | pair(5, dt**2 * u * E[1])
+        v, a, (_, E) = x[2], x[5], arc
+        entries = pair(2, E[0]) | pair(3, 1j * (v * E[0] + a * E[1])) | pair(4, 1j * (v * E[1] + a * E[2])) | pair(5, E[1])
         return entries | {(2, 5): dt, (3, 4): dt}
 
     def _gain(self, x, dt, arc):
         return pair(0, dt**3 / 6 * arc[0]) | {(2, 0): dt**2 / 2, (5, 0): dt, (3, 1): dt**2 / 2, (4, 1): dt}
 
     def _arc_gain(self, x, dt, arc):
-        v, a, (u, E) = x[2], x[5], arc
-        half = 0.5 * dt**3 * u
-        return self._gain(x, dt, arc) | pair(0, half * E[2]) | pair(1, 1j * half * (v * E[2] + a * dt * E[3]))
+        v, a, (_, E) = x[2], x[5], arc
+        return self._gain(x, dt, arc) | pair(0, 0.5 * E[2]) | pair(1, 0.5j * (v * E[2] + a * E[3]))
