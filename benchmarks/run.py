@@ -52,7 +52,7 @@ KF = Workload(
     workloads.cv_problem,
     workloads.ensemble_kf,
     {"filterpy": by_hand.filterpy_kf, "MotionKF": loops.motion_kf},
-    {"simdkalman": simd.simd_kalman},
+    {"NumPy alone": workloads.numpy_alone(workloads.ensemble_kf), "simdkalman": simd.simd_kalman},
     steps=200,
 )
 UKF = Workload(

@@ -92,7 +92,7 @@ class EnsembleUKF(Ensemble):
         dt = check_dt(dt)
         with np.errstate(**QUIET):
             Q = self.model.Q(self.x, dt)
-            moved = self.model.f(self._sigma_points(self.x, self._root(self.P)), dt)
+            moved = self.model.f(self._sigma_points(self.x, self._displacements(self.P)), dt)
             x = angles.mean(moved, self.Wm, self.model.angles)
             P = self._spread_about(moved, x, self.model.angles)[0]
             P += Q
@@ -101,21 +101,21 @@ class EnsembleUKF(Ensemble):
 
     def _corrected(self, x, P, z, sensor):
         with np.errstate(**QUIET):
-            root = self._root(P)
+            root = self._displacements(P)
             seen = sensor.h(self._sigma_points(x, root))
             z_hat = angles.mean(seen, self.Wm, sensor.angles)
             S, deviation = self._spread_about(seen, z_hat, sensor.angles)
             S += sensor.R[..., None]
-            mirror(S)
             n = len(x)  # of the points' deviations from x one is zero, and the others are pairs ±
             pairs = deviation[:, 1 : n + 1] - deviation[:, n + 1 :]
             cross = np.einsum("ik...,jk...->ij...", angles.wrap_rows(root, self.model.angles), pairs)
             cross *= self.Wc[-1]
             K = gain(cross, S)
             y = sensor.residual(z, z_hat)
-            P = P - np.einsum("im...,jm...->ij...", K, cross)  # K S Kᵀ = K (P_xz)ᵀ
-            mirror(P)
-            return self._moved(x, K, y), P, y, S, K
+            P_post = np.einsum("im...,jm...->ij...", K, cross)  # K S Kᵀ = K (P_xz)ᵀ
+            np.subtract(P, P_post, out=P_post)
+            mirror(P_post)
+            return self._moved(x, K, y), P_post, y, S, K
 
     def _spread_about(self, points, mean, angular):
         """Weighted second moment (m, m, M) of sigma points (m, k, M) about `mean`, and their deviations from it."""
@@ -129,8 +129,8 @@ class EnsembleUKF(Ensemble):
         spread *= w
         return spread, deviation
 
-    def _root(self, P):
-        """The displacements (n, n, M) of the sigma points, columns of a root of the spread times P."""
+    def _displacements(self, P):
+        """How far the sigma points lie from the mean: the columns of a root of the spread times P, (n, n, M)."""
         root = _root(P)
         root *= np.sqrt(self._spread)
         return root
