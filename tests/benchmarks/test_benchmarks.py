@@ -14,7 +14,7 @@ ROOT = Path(__file__).resolve().parents[2]
 
 
 @pytest.mark.parametrize("workload", run.WORKLOADS, ids=lambda w: w.key)
-@pytest.mark.parametrize("runs", [1, 11])
+@pytest.mark.parametrize("runs", [1, 11, run.CHECKED])
 def test_everyone_gives_the_ensembles_results_on_the_same_data(workload, runs):
     found = run.check(workload, runs=runs, steps=12)
     assert set(found) == {label for label in workload.others if run.reason_to_skip(label) is None}
