@@ -270,6 +270,17 @@ def test_sums_are_streamed():
     np.testing.assert_array_equal(result["ones"], np.full(size, 60.0))
 
 
+def test_a_part_of_an_array_that_is_joined_does_not_keep_the_rest():
+    size = 250_000  # 2 MB a chunk, of which one number is kept
+    tracemalloc.start()
+    try:
+        result = monte_carlo(lambda rngs: {"first": np.ones((size, 1))[0]}, 60, SEED, reduce={"first": "concat"}, chunk=1)
+        assert tracemalloc.get_traced_memory()[1] < 10 * 8 * size
+    finally:
+        tracemalloc.stop()
+    np.testing.assert_array_equal(result["first"], np.ones(60))
+
+
 @pytest.mark.parametrize(("disable", "chunk", "shown"), [(None, 5, True), ("0", 5, True), ("1", 5, False), (None, 20, False)])
 def test_progress_shows_unless_it_is_switched_off_or_there_is_one_chunk(monkeypatch, capsys, disable, chunk, shown):
     monkeypatch.delenv("TQDM_DISABLE", raising=False)

@@ -123,7 +123,8 @@ class _Merge:
             raise ValueError(f"task: expected the same names and shapes from every chunk, got {self._shapes} and {shapes}")
         for name, value in part.items():
             if self._how(name) == "concat":
-                self._joined.setdefault(name, []).append(value)
+                own = value if value.base is None else value.copy()  # a view would keep the whole array of its chunk alive
+                self._joined.setdefault(name, []).append(own)
             else:
                 so_far = [self._folded[name]] if name in self._folded else []
                 self._folded[name] = _FOLDS[self._how(name)].reduce([*so_far, value])
