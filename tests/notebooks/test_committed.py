@@ -57,6 +57,17 @@ def test_every_figure_of_the_thesis_has_a_row(ledger, figure):
     assert rows["where"].str.contains(rf"Figures? {figure}(?!\d)").any()
 
 
+def test_everything_that_the_augmented_bias_paper_numbers_has_a_row(ledger):
+    """31 equations, the 15 cells of Table 1, four figures, three conclusions."""
+    where = rows_of(ledger, "3_augmented_bias")["where"]
+    together = " ".join(where)
+    equations = [f"({k})" for k in range(1, 32)]
+    conclusions = [f"conclusion ({k})" for k in (1, 2, 3)]
+    assert not [item for item in equations + conclusions if item not in together]
+    assert all(where.str.contains(f"Figure {k}(?!\\d)").any() for k in range(1, 5))
+    assert where.str.startswith("Table 1, ").sum() >= 2 * (len(published("augmented_bias", 1)) - 1) + 1
+
+
 @pytest.mark.parametrize("path", PAGES, ids=name)
 def test_code_cells_can_be_read_at_a_glance(path):
     sources = [cell.source for cell in nbformat.read(path, as_version=4).cells if cell.cell_type == "code"]

@@ -25,6 +25,7 @@ class EnsembleVariableDimensionKF:
     Attributes
     ----------
     manoeuvring : numpy.ndarray of bool, shape (M,)
+    x (3 axes, M), P (3 axes, 3 axes, M) : state with acceleration; at rest what it was when the last manoeuvre ended
     estimate (2 axes, M), estimate_P (2 axes, 2 axes, M) : position and velocity, of whichever model is in force
     """
 
@@ -40,7 +41,7 @@ class EnsembleVariableDimensionKF:
         self.manoeuvring = np.zeros(self.runs, dtype=bool)
         self.estimate = check_array(x0, "x0", quiet.n, (self.runs,)).copy()
         self.estimate_P = np.repeat(check_covariance(P0, "P0", quiet.n)[..., None], self.runs, axis=2)
-        self._x, self._P = np.zeros((manoeuvring.n, self.runs)), np.zeros((manoeuvring.n, manoeuvring.n, self.runs))
+        self.x, self.P = np.zeros((manoeuvring.n, self.runs)), np.zeros((manoeuvring.n, manoeuvring.n, self.runs))
         self.statistic = np.zeros(self.runs)
         self._significance = np.zeros((window, self.runs))
         self._steps = np.zeros(self.runs, dtype=int)  # since the present model came into force
@@ -53,7 +54,7 @@ class EnsembleVariableDimensionKF:
         self.estimate, self.estimate_P = self.estimate.copy(), self.estimate_P.copy()
         self.estimate[:, rest], self.estimate_P[..., rest] = x, P
         if len(turn):
-            self._put(turn, *self._turn.predict(self._x[:, turn], self._P[..., turn]))
+            self._put(turn, *self._turn.predict(self.x[:, turn], self.P[..., turn]))
 
     def update(self, z):
         """Correct every run by z, shape (axes, M), and change its model where it is time."""
@@ -65,7 +66,7 @@ class EnsembleVariableDimensionKF:
         self._past.append((self.estimate.copy(), self.estimate_P.copy(), z))
         self._steps += 1
         if len(turn):
-            self._put(turn, *self._turn.correct(self._x[:, turn], self._P[..., turn], z[:, turn])[:2])
+            self._put(turn, *self._turn.correct(self.x[:, turn], self.P[..., turn], z[:, turn])[:2])
             self._perhaps_leave(turn)
         alarmed = (self.statistic > self.enter_limit) & ~self.manoeuvring & (self._steps > self.window)
         if np.any(alarmed):
@@ -82,8 +83,8 @@ class EnsembleVariableDimensionKF:
 
     def _perhaps_leave(self, runs):
         some = self._accelerations
-        part = self._P[np.ix_(some, some, runs)]
-        self._significance[self._steps[runs] % self.window, runs] = nis(self._x[np.ix_(some, runs)], part)
+        part = self.P[np.ix_(some, some, runs)]
+        self._significance[self._steps[runs] % self.window, runs] = nis(self.x[np.ix_(some, runs)], part)
         over = (self._steps[runs] >= self.window) & (self._significance[:, runs].sum(axis=0) < self.leave_limit)
         done = runs[over]
         self.manoeuvring[done], self._steps[done] = False, 0
@@ -91,7 +92,7 @@ class EnsembleVariableDimensionKF:
         newest[0][:, done], newest[1][..., done] = self.estimate[:, done], self.estimate_P[..., done]
 
     def _put(self, runs, x, P):
-        self._x[:, runs], self._P[..., runs] = x, P
+        self.x[:, runs], self.P[..., runs] = x, P
         self.estimate[:, runs], self.estimate_P[..., runs] = x[self._kept], P[np.ix_(self._kept, self._kept)]
 
 

@@ -39,7 +39,7 @@ class StrongTrackingKF(MatrixKF):
 
     References
     ----------
-    D. H. Zhou, P. M. Frank, International Journal of Control 65 (1996) 295–307; reference 11 of paper 3.
+    D. H. Zhou, P. M. Frank, International Journal of Control 65 (1996) 295–307; [12] in the text of paper 3.
     """
 
     def __init__(self, F, H, Q, R, x0, P0, beta=4.0, rho=0.95, factors="one"):

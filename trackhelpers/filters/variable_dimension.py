@@ -59,7 +59,7 @@ class VariableDimensionKF(MatrixKF):
 
     References
     ----------
-    Y. Bar-Shalom, K. Birmiwal, IEEE Transactions on Aerospace and Electronic Systems AES-18 (1982) 621–629; reference 5 of paper 3.
+    Y. Bar-Shalom, K. Birmiwal, IEEE Transactions on Aerospace and Electronic Systems AES-18 (1982) 621–629; [5] in the text of paper 3.
     """
 
     def __init__(self, quiet, manoeuvring, R, dt, x0, P0, window=5, enter=0.999, leave=0.95):

@@ -32,7 +32,7 @@ class VarianceInflationKF(MatrixKF):
 
     References
     ----------
-    Y. Bar-Shalom, K. Birmiwal, IEEE Transactions on Aerospace and Electronic Systems AES-18 (1982) 621–629; reference 5 of paper 3.
+    Y. Bar-Shalom, K. Birmiwal, IEEE Transactions on Aerospace and Electronic Systems AES-18 (1982) 621–629; [5] in the text of paper 3.
     """
 
     def __init__(self, F, H, Q, R, x0, P0, inflation=100.0, window=5, probability=0.999):

@@ -28,7 +28,7 @@ class Singer(_Cartesian):
 
     References
     ----------
-    R. A. Singer, IEEE Transactions on Aerospace and Electronic Systems AES-6 (1970) 473–483; reference 2 of paper 3.
+    R. A. Singer, IEEE Transactions on Aerospace and Electronic Systems AES-6 (1970) 473–483; [2] in the text of paper 3.
     """
 
     _chain = ("", "v", "a")

@@ -8,6 +8,7 @@ from scipy.linalg import expm
 from trackhelpers.consistency import nis
 from trackhelpers.ensemble import EnsembleKF
 from trackhelpers.ensemble.matrices import EnsembleMatrixKF
+from trackhelpers.ensemble.switching import EnsembleVariableDimensionKF
 from trackhelpers.motion import CA, Singer
 from trackhelpers.scenarios.augmented_bias import contenders as rivals
 from trackhelpers.scenarios.augmented_bias.introduction import BEGIN, END, PARTS, STEPS, Errors, accelerations, draw, ratio, track_of
@@ -58,7 +59,7 @@ def _modes(contender, runs):
         ens.predict()
         ens.update(z)
         modes.append(ens.mu[1] > 0.5 if hasattr(ens, "mu") else ens.manoeuvring.copy())
-        held.append(ens._x[2].copy() if hasattr(ens, "manoeuvring") and hasattr(ens, "_x") else held[0])
+        held.append(ens.x[2].copy() if isinstance(ens, EnsembleVariableDimensionKF) else held[0])
     return np.array(modes), np.array(held)
 
 
