@@ -4,7 +4,7 @@ import os
 
 import pytest
 
-from trackhelpers.ledger import COLUMNS, VERDICTS, Ledger, compare, files, read_ledger, summary, summary_markdown
+from trackhelpers.ledger import COLUMNS, VERDICTS, Ledger, compare, files, folded, read_ledger, summary, summary_markdown
 from trackhelpers.ledger.readme import with_summary
 
 START, END = "<!-- ledger:start -->", "<!-- ledger:end -->"
@@ -154,3 +154,15 @@ def test_a_readme_without_its_marks_is_refused(text, folders, monkeypatch):
     write(folders[0], monkeypatch)
     with pytest.raises(ValueError, match="expected exactly one"):
         with_summary(text, read_ledger(folders[0]))
+
+
+def test_the_folded_ledger_shows_every_row_of_every_notebook_with_its_texts_escaped(folders, monkeypatch):
+    write(folders[0], monkeypatch, "3_motion_models", note="x < y & z")
+    write(folders[0], monkeypatch, "2_kalman_filter")
+    pieces = list(folded(read_ledger(folders[0])))
+    assert [piece.split("</summary>")[0] for piece in pieces] == [
+        "<details><summary>1_thesis/2_kalman_filter, 2 rows",
+        "<details><summary>1_thesis/3_motion_models, 2 rows",
+    ]
+    assert [piece.count("<tr>") for piece in pieces] == [3, 3]
+    assert "x &lt; y &amp; z" in pieces[1] and "<i>reproduced</i>" in pieces[0] and "&lt; 1e-9" in pieces[0]

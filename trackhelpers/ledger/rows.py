@@ -175,9 +175,9 @@ class Ledger:
         shown = frame[["id", "where", "quantity", "paper"]].copy()
         # A number that stands beside a printed one keeps its digits; what is only rounding has none to show.
         digits = (frame["tolerance"] != "") & (frame["kind"] != "equation")
-        shown["ours"] = frame["ours"].where(digits, frame["ours"].map(_short))
+        shown["ours"] = frame["ours"].where(digits, frame["ours"].map(short))
         ends = zip(frame["low"], frame["high"], strict=True)
-        shown["interval"] = [f"[{_short(low)}, {_short(high)}]" if low else "" for low, high in ends]
+        shown["interval"] = [f"[{short(low)}, {short(high)}]" if low else "" for low, high in ends]
         shown["verdict"] = frame["verdict"]
         return Table(shown, caption=f"Ledger of {self.paper}/{self.notebook}", index=False)
 
@@ -230,7 +230,7 @@ class Ledger:
         return verdict
 
 
-def _short(text):
+def short(text):
     """Four digits; a rounding error, whose digits differ from one processor to the next, shows only that it is one."""
     if not text:
         return ""
