@@ -160,7 +160,7 @@ def main(arguments=None):
     for w in WORKLOADS:
         costs = measure(w, [(M, 20 if options.quick else w.steps) for M in sizes], rounds)
         by_runs[w.key] = {M: cost for (M, _), cost in costs.items()}
-    parallel = speed_up(2, 5, 10, 1) if options.quick else speed_up(8, 4000, 200, 3)
+    parallel = speed_up(2, 5, 10, 1) if options.quick else speed_up(16, 1000, 200, 3)
     skipped = {label: reason_to_skip(label) for w in WORKLOADS for label in w.others if reason_to_skip(label)}
 
     text = report.markdown(WORKLOADS, agreement, by_runs, by_steps, runs, parallel, skipped)
