@@ -9,7 +9,7 @@ from html import escape
 import numpy as np
 import pandas as pd
 
-__all__ = ["Table", "as_printed", "error_table", "matrix", "number", "side_by_side"]
+__all__ = ["Table", "as_printed", "error_table", "matrix", "number", "residual_text", "side_by_side"]
 
 
 def number(value, digits=4, trim=False):
@@ -39,6 +39,11 @@ def number(value, digits=4, trim=False):
         mantissa, e, power = text.partition("e")
         text = mantissa.rstrip("0").rstrip(".") + e + power
     return text
+
+
+def residual_text(value):
+    """Return a difference that ought to vanish as text: two digits, or "< 1e-9" where only rounding is left, whose digits differ from one processor to the next."""
+    return "< 1e-9" if abs(value) < 1e-9 else number(value, 2)
 
 
 def as_printed(value, text):

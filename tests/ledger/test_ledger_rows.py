@@ -6,7 +6,7 @@ import pandas as pd
 import pytest
 from hypothesis import given
 
-from trackhelpers.ledger import COLUMNS, KINDS, VERDICTS, Ledger, bears_out, read_ledger
+from trackhelpers.ledger import COLUMNS, KINDS, VERDICTS, Ledger, bears_out, read_ledger, shown
 
 WHERE = ("Table 9", "RMSE of x")
 
@@ -253,3 +253,22 @@ def test_bears_out_reads_rows_as_pandas_guesses_them(tmp_path, monkeypatch):
 def test_the_vocabulary_is_the_documented_one():
     assert COLUMNS == ["id", "kind", "where", "quantity", "paper", "ours", "low", "high", "tolerance", "verdict", "note"]
     assert KINDS == ("table", "equation", "figure", "claim") and len(set(VERDICTS)) == 6
+
+
+@pytest.mark.parametrize(
+    ("kind", "paper", "ours", "text"),
+    [
+        ("equation", "", "0", "< 1e-9"),
+        ("equation", "", "7e-16", "< 1e-9"),
+        ("equation", "", "0.123456", "0.1235"),
+        ("claim", "<= 1e-9", "0", "< 1e-9"),
+        ("claim", "> 1e-9", "2.2e-16", "< 1e-9"),
+        ("claim", "== 0", "0", "0"),
+        ("claim", "< 0.01", "5.65792e-11", "0"),
+        ("figure", "", "-2.2e-16", "0"),
+        ("claim", "> 0", "", ""),
+        ("claim", "> 1", "29.23415", "29.23"),
+    ],
+)
+def test_rounding_is_shown_alike_on_every_processor(kind, paper, ours, text):
+    assert shown({"kind": kind, "paper": paper, "ours": ours}) == text

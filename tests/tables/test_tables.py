@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 
 from trackhelpers.published import published
-from trackhelpers.tables import Table, as_printed, error_table, matrix, number, side_by_side
+from trackhelpers.tables import Table, as_printed, error_table, matrix, number, residual_text, side_by_side
 
 ERRORS = np.array([[3.0, -4.0, 0.0, 0.0], [-1.0, 1.0, -1.0, 1.0]])
 
@@ -40,6 +40,10 @@ def cells(table):
 )
 def test_number_is_rounded_to_four_significant_digits(value, text):
     assert number(value) == text
+
+
+def test_a_residual_shows_no_digits_of_rounding():
+    assert [residual_text(value) for value in (0.0, -3e-16, 9e-10, 2e-9, -0.4712, 5)] == ["< 1e-9"] * 3 + ["2.0e-09", "-0.47", "5"]
 
 
 def test_number_trims_zeros_of_decimals_only():

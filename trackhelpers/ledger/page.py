@@ -2,7 +2,7 @@
 
 from html import escape
 
-from .rows import short
+from .rows import short, shown
 
 __all__ = ["folded"]
 
@@ -25,7 +25,7 @@ def folded(ledger):
 
 
 def _row(row):
-    ours = escape(short(row["ours"]))
+    ours = escape(shown(row))
     if row["low"]:
         ours += f" [{short(row['low'])}, {short(row['high'])}]"
     verdict = f"<i>{row['verdict']}</i>" + (f"; {escape(row['note'])}" if row["note"] else "")

@@ -18,6 +18,7 @@ FEWEST_DRAWS = 40  # below, a central 95 % interval has no run outside on either
 
 _NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
 _ONE_SIDED = re.compile(rf"\s*(<=|>=|<|>|==)\s*({_NUMBER})\s*")
+_SMALL_BOUND = re.compile(r"[<>]=?\s*\d(?:\.\d*)?e-(?:0?[6-9]|1\d)")  # of a rule for what ought to vanish
 _BETWEEN = re.compile(rf"\s*in\s*([\[(])\s*({_NUMBER})\s*,\s*({_NUMBER})\s*([\])])\s*")
 
 
@@ -172,14 +173,14 @@ class Ledger:
             raise ValueError(f"the ledger of {self.paper}/{self.notebook} has no rows, expected at least one")
         frame = pd.DataFrame(self.rows, columns=COLUMNS, dtype=str)
         write_csv(frame, results_folder() / f"{self.paper}__{self.notebook}.csv")
-        shown = frame[["id", "where", "quantity", "paper"]].copy()
-        # A number that stands beside a printed one keeps its digits; what is only rounding has none to show.
-        digits = (frame["tolerance"] != "") & (frame["kind"] != "equation")
-        shown["ours"] = frame["ours"].where(digits, frame["ours"].map(short))
+        table = frame[["id", "where", "quantity", "paper"]].copy()
+        # A number that stands beside a printed one keeps its digits.
+        beside = (frame["tolerance"] != "") & (frame["kind"] != "equation")
+        table["ours"] = frame["ours"].where(beside, [shown(row) for row in self.rows])
         ends = zip(frame["low"], frame["high"], strict=True)
-        shown["interval"] = [f"[{short(low)}, {short(high)}]" if low else "" for low, high in ends]
-        shown["verdict"] = frame["verdict"]
-        return Table(shown, caption=f"Ledger of {self.paper}/{self.notebook}", index=False)
+        table["interval"] = [f"[{short(low)}, {short(high)}]" if low else "" for low, high in ends]
+        table["verdict"] = frame["verdict"]
+        return Table(table, caption=f"Ledger of {self.paper}/{self.notebook}", index=False)
 
     def _inequality(self, kind, id, where, quantity, paper, ours, low, high, assumption, erratum, note):
         if not isinstance(paper, str) or _conditions(paper) is None:
@@ -230,12 +231,18 @@ class Ledger:
         return verdict
 
 
-def short(text):
-    """Four digits; a rounding error, whose digits differ from one processor to the next, shows only that it is one."""
+def shown(row):
+    """The number of a row with four digits. Of what is only rounding the digits differ from one processor to the next, and even whether there are any: where a residual is
+    judged it is "< 1e-9", elsewhere 0."""
+    residual = row["kind"] == "equation" or _SMALL_BOUND.search(row["paper"])
+    return short(row["ours"], "< 1e-9" if residual else "0")
+
+
+def short(text, tiny="0"):
+    """A stored number with four digits, `tiny` for one below 1e-9, nothing for an empty cell."""
     if not text:
         return ""
-    value = float(text)
-    return "< 1e-9" if 0 < abs(value) < 1e-9 else number(value, trim=True)
+    return tiny if abs(float(text)) < 1e-9 else number(float(text), trim=True)
 
 
 def _finite(id, name, value):
