@@ -3,7 +3,15 @@
 import numpy as np
 import pytest
 
-from trackhelpers.detection import constant_input, fading_limit, manoeuvre_start
+from trackhelpers.detection import (
+    check_forgetting,
+    check_inflation,
+    check_input,
+    check_switching,
+    constant_input,
+    fading_limit,
+    manoeuvre_start,
+)
 from trackhelpers.filters import MatrixKF
 from trackhelpers.motion import CV
 
@@ -13,15 +21,20 @@ F, Q, G = (getattr(MODEL, name)(np.zeros(4), T) for name in "FQG")
 H, R = np.eye(4)[[0, 2]], 3.0 * np.eye(2)
 
 
-@pytest.mark.parametrize("window", [1, 5, 20])
-@pytest.mark.parametrize("probability", [0.9, 0.999])
-def test_a_fading_sum_of_white_nis_stays_below_its_limit_as_often_as_promised(window, probability):
-    nis = np.random.default_rng(0).chisquare(2, size=(200, 2000))
-    total = np.zeros(2000)
-    for row in nis:
-        total = (1 - 1 / window) * total + row
-    share = np.mean(total < fading_limit(2, window, probability))
-    assert abs(share - probability) < 4 * np.sqrt(probability * (1 - probability) / 2000) + 0.2 * (1 - probability)
+@pytest.mark.parametrize(("dim", "window"), [(2, 1), (2, 5), (1, 5), (3, 20)])
+def test_a_fading_sum_of_white_nis_exceeds_its_limit_as_often_as_promised(dim, window):
+    """A million sums: at 0.999 a thousand of them exceed the limit, give or take 32."""
+    rng, total = np.random.default_rng(0), np.zeros(1_000_000)
+    for _ in range(1 + int(np.log(1e-6) / np.log(1 - 1 / window)) if window > 1 else 1):
+        total = (1 - 1 / window) * total + rng.chisquare(dim, total.size)
+    for probability in (0.9, 0.99, 0.999):
+        expected = (1 - probability) * total.size
+        assert abs(np.sum(total > fading_limit(dim, window, probability)) - expected) < 0.06 * expected + 4 * np.sqrt(expected)
+
+
+def test_a_fading_limit_below_the_mean_is_refused():
+    with pytest.raises(ValueError, match="probability"):
+        fading_limit(2, 20, 0.3)
 
 
 def filtered(z, x0=(0.0, 5.0, 0.0, 5.0)):
@@ -82,7 +95,35 @@ def test_the_start_of_a_manoeuvre_is_exact_without_noise_and_its_covariance_is_t
     np.testing.assert_allclose(np.cov(states), P, atol=0.05 * np.abs(P).max())
 
 
-@pytest.mark.parametrize("bad", [{"window": 0}, {"window": 2.5}, {"probability": 0.0}, {"probability": 1.0}, {"window": True}])
+@pytest.mark.parametrize(
+    "bad", [{"window": 0}, {"window": 2.5}, {"probability": 0.0}, {"probability": 1.0}, {"window": True}, {"dim": 0}, {"dim": np.nan}]
+)
 def test_bad_arguments_are_named(bad):
     with pytest.raises(ValueError, match=next(iter(bad))):
         fading_limit(**{"dim": 2, "window": 5, "probability": 0.9} | bad)
+
+
+@pytest.mark.parametrize(
+    ("call", "name"),
+    [
+        (lambda: manoeuvre_start(np.zeros(4), np.eye(4), np.zeros(2), R, 0.0), "dt"),
+        (lambda: manoeuvre_start(np.zeros(4), np.eye(4), np.zeros(2), R, -1.0), "dt"),
+        (lambda: check_input(F, G[:, 0], H, 10), "G"),
+        (lambda: check_input(F, np.zeros((4, 0)), H, 10), "G"),
+        (lambda: check_input(F, np.full((4, 2), np.nan), H, 10), "G"),
+        (lambda: check_input(F, G, H, 0), "window"),
+        (lambda: check_input(F, np.eye(4)[:, [1]], H, 1), "window"),  # a step of velocity is not seen at once
+        (lambda: check_switching((0.9, 1.5), (0.5, 0.5)), "stay"),
+        (lambda: check_switching((0.9, 0.9), (0.5, 0.6)), "mu"),
+        (lambda: check_inflation(0.9), "inflation"),
+        (lambda: check_forgetting(0.0), "rho"),
+    ],
+)
+def test_bad_settings_are_named(call, name):
+    with pytest.raises(ValueError, match=name):
+        call()
+
+
+def test_an_input_that_is_seen_after_two_steps_is_accepted_with_two():
+    B, window = check_input(F, np.eye(4)[:, [1]], H, 2)
+    assert B.shape == (4, 1) and window == 2

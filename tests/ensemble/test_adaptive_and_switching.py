@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
+from trackhelpers.ensemble import adaptive, switching
 from trackhelpers.ensemble.adaptive import EnsembleStrongTrackingKF
 from trackhelpers.ensemble.matrices import EnsembleMatrixKF
-from trackhelpers.filters import MatrixKF
+from trackhelpers.filters import MatrixKF, StrongTrackingKF
 from trackhelpers.scenarios.augmented_bias import contenders as c
 from trackhelpers.scenarios.augmented_bias import target
 
@@ -100,3 +101,79 @@ def test_a_bad_measurement_is_named(contender):
     for z in (np.zeros((2, M + 1)), np.zeros((3, M))):
         with pytest.raises(ValueError, match="z"):
             ens.update(z)
+
+
+def make(name, **more):
+    """An ensemble by its class's name, with sound arguments but for those given."""
+    matrices = {"F": c.F, "H": c.H, "Q": c.Q, "R": target.R, "x0": X0, "P0": target.P0}
+    pair = {"quiet": c.MODEL, "manoeuvring": c.ACCELERATING, "R": target.R, "dt": 1.0, "x0": X0, "P0": target.P0}
+    sound = {"EnsembleInputEstimationKF": matrices | {"G": c.GAMMA}}.get(
+        name, pair if name in ("EnsembleVariableDimensionKF", "EnsembleIMM") else matrices
+    )
+    module = switching if name in ("EnsembleVariableDimensionKF", "EnsembleIMM") else adaptive
+    return getattr(module, name)(**sound | more)
+
+
+@pytest.mark.parametrize(
+    ("name", "bad", "word"),
+    [
+        ("EnsembleStrongTrackingKF", {"rho": -1}, "rho"),
+        ("EnsembleStrongTrackingKF", {"beta": np.nan}, "beta"),
+        ("EnsembleStrongTrackingKF", {"axis": [0, 0, 1]}, "axis"),
+        ("EnsembleStrongTrackingKF", {"F": np.full((4, 4), np.nan)}, "F"),
+        ("EnsembleVarianceInflationKF", {"inflation": -5}, "inflation"),
+        ("EnsembleVarianceInflationKF", {"window": 0}, "window"),
+        ("EnsembleInputEstimationKF", {"probability": 2}, "probability"),
+        ("EnsembleInputEstimationKF", {"G": np.full((4, 2), np.nan)}, "G"),
+        ("EnsembleInputEstimationKF", {"window": 0}, "window"),
+        ("EnsembleVariableDimensionKF", {"leave": 2}, "leave"),
+        ("EnsembleVariableDimensionKF", {"enter": 2}, "probability"),
+        ("EnsembleVariableDimensionKF", {"dt": 0}, "dt"),
+        ("EnsembleVariableDimensionKF", {"manoeuvring": c.MODEL}, "manoeuvring"),
+        ("EnsembleVariableDimensionKF", {"x0": np.full((4, 3), np.nan)}, "x0"),
+        ("EnsembleIMM", {"stay": (1.5, 0.9)}, "stay"),
+        ("EnsembleIMM", {"mu": (5, -1)}, "mu"),
+        ("EnsembleIMM", {"x0": np.full((4, 3), np.inf)}, "x0"),
+        ("EnsembleIMM", {"R": np.eye(3)}, "R"),
+    ],
+)
+def test_bad_settings_are_named(name, bad, word):
+    with pytest.raises(ValueError, match=word):
+        make(name, **bad)
+
+
+@pytest.mark.parametrize("name", ["EnsembleInputEstimationKF", "EnsembleVariableDimensionKF", "EnsembleIMM"])
+def test_a_second_measurement_in_a_step_and_a_nan_are_refused(name):
+    ens = make(name)
+    with pytest.raises(RuntimeError, match="predict"):
+        ens.update(Z[:, 0])
+    ens.predict()
+    with pytest.raises(ValueError, match="z"):
+        ens.update(np.full((2, M), np.nan))
+    ens.update(Z[:, 0])
+    with pytest.raises(RuntimeError, match="predict"):
+        ens.update(Z[:, 0])
+
+
+def test_two_measurements_at_one_instant_correct_twice_as_in_the_single_filter():
+    ens, kf = make("EnsembleStrongTrackingKF", beta=1.0), StrongTrackingKF(c.F, c.H, c.Q, target.R, X0[:, 1], target.P0, beta=1.0)
+    for k in range(30):
+        ens.predict()
+        kf.predict()
+        for z in (Z[:, k], Z[:, k] + 0.5):
+            ens.update(z)
+            kf.update(z[:, 1])
+    np.testing.assert_allclose(ens.P[..., 1], kf.P, atol=1e-10)
+    np.testing.assert_allclose(ens.x[:, 1], kf.x, atol=1e-9)
+
+
+def test_interacting_models_agree_with_the_single_filter_after_a_jump():
+    ens, kf = make("EnsembleIMM"), c.interacting().single(X0[:, 0])
+    for k in range(12):
+        z = Z[:, k] + (200.0 if k == 8 else 0.0)
+        ens.predict()
+        ens.update(z)
+        kf.predict()
+        kf.update(z[:, 0])
+        np.testing.assert_allclose(ens.mu[:, 0], kf.mu, atol=1e-9)
+        np.testing.assert_allclose(ens.estimate[:, 0], kf.estimate, atol=1e-8)

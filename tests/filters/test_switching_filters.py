@@ -106,8 +106,29 @@ def test_interacting_models_are_filterpys_on_filterpys_own_filters():
         for imm in (theirs, ours):
             imm.predict()
             imm.update(z)
-        np.testing.assert_allclose(ours.x, theirs.x, atol=1e-10)
-        np.testing.assert_allclose(ours.mu, theirs.mu, atol=1e-10)
+        np.testing.assert_allclose(ours.x, theirs.x, atol=1e-9)
+        np.testing.assert_allclose(ours.mu, theirs.mu, atol=1e-9)
+
+
+def test_far_from_both_models_the_likelier_one_still_wins():
+    """filterpy rounds both likelihoods up to the least positive number, and so believes the chain alone."""
+    imm = MAKE["interacting"]()
+    for k in range(20):
+        imm.predict()
+        imm.update(track(0.0)[[0, 2], k])
+    imm.predict()
+    imm.update(track(0.0)[[0, 2], 20] + [150.0, 0.0])
+    assert imm.mu[1] > 0.999
+
+
+def test_the_predicted_mixture_is_weighed_by_the_probabilities_after_the_step():
+    imm = MAKE["interacting"]()
+    for k in range(BEGIN + 3):
+        imm.predict()
+        mixed = sum(m * kf.x for m, kf in zip(imm.cbar, imm.filters, strict=True))
+        np.testing.assert_allclose(imm.x, mixed, atol=1e-12)
+        imm.update(None if k == 30 else track(2.0)[[0, 2], k])
+        np.testing.assert_allclose(imm.x, sum(m * kf.x for m, kf in zip(imm.mu, imm.filters, strict=True)), atol=1e-12)
 
 
 def test_interacting_models_know_which_one_is_in_force():
@@ -126,7 +147,8 @@ def test_without_a_measurement_the_models_probabilities_follow_the_chain_alone()
         imm.predict()
         x, P = imm.x.copy(), imm.P.copy()
         imm.update(None)
-        assert np.array_equal(imm.x, x) and np.array_equal(imm.P, P)
+        np.testing.assert_allclose(imm.x, x, atol=1e-12)
+        np.testing.assert_allclose(imm.P, P, atol=1e-12)
     np.testing.assert_allclose(imm.mu, before @ np.linalg.matrix_power(np.array([[0.98, 0.02], [0.02, 0.98]]), 3))
 
 
@@ -139,7 +161,29 @@ def test_a_missing_measurement_predicts_only(name):
     kf.predict()
     x, P = kf.x.copy(), kf.P.copy()
     kf.update(None)
+    np.testing.assert_allclose(kf.x, x, atol=1e-12)
+    np.testing.assert_allclose(kf.P, P, atol=1e-12)
+
+
+@pytest.mark.parametrize("name", ["input", "variable dimension", "interacting"])
+def test_a_second_measurement_in_a_step_is_refused_by_filters_that_count_steps(name):
+    kf = MAKE[name]()
+    kf.predict()
+    kf.update([5.0, 5.0])
+    x, P = kf.x.copy(), kf.P.copy()
+    with pytest.raises(RuntimeError, match="one measurement after each predict"):
+        kf.update([5.0, 5.0])
     assert np.array_equal(kf.x, x) and np.array_equal(kf.P, P)
+
+
+def test_inflation_is_added_once_a_prediction():
+    kf = MAKE["inflation"](probability=0.9, window=1)
+    kf.predict()
+    kf.update([60.0, 5.0])  # alarm
+    kf.statistic = 1e9
+    before = kf.P.copy()
+    kf.update([60.0, 5.0])
+    assert kf.manoeuvring and np.all(np.diag(kf.P) <= np.diag(before))
 
 
 @pytest.mark.parametrize("name", MAKE)
@@ -163,6 +207,7 @@ def test_a_bad_measurement_leaves_the_filter_as_it_was(name, z):
         (lambda: MAKE["input"](probability=0), "probability"),
         (lambda: InputEstimationKF(F, np.eye(3), H, Q, R, X0, P0), "G"),
         (lambda: InputEstimationKF(F, np.eye(4), H, Q, R, X0, P0, window=1), "window"),
+        (lambda: InputEstimationKF(F, np.ones(4), H, Q, R, X0, P0), "G"),
         (lambda: MAKE["variable dimension"](enter=1.0), "probability"),
         (lambda: MAKE["variable dimension"](leave=0.0), "leave"),
         (lambda: MAKE["variable dimension"](window=1.5), "window"),

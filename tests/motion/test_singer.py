@@ -87,6 +87,7 @@ def test_singer_serves_one_target_and_an_ensemble(Ensemble):
         (lambda: LinearModel(np.full((2, 2), np.nan), np.eye(2), 1.0, "ab"), "F"),
         (lambda: LinearModel(np.eye(2), -np.eye(2), 1.0, "ab"), "Q"),
         (lambda: LinearModel(np.eye(2), np.eye(2), 1.0, "ab").f(np.zeros(2), 0.5), "dt"),
+        (lambda: LinearModel(np.eye(2), np.eye(2), 0.0, "ab"), "dt"),
         (lambda: LinearSensor(np.eye(2), np.eye(3), "ab"), "R"),
         (lambda: LinearSensor(np.eye(3), np.eye(3), "ab"), "H"),
     ],

@@ -43,6 +43,17 @@ class Matrices:
         return matmul(seen, self.H.T) + self.R[..., None]
 
 
+def check_runs(value, name, components, runs=None):
+    """`value` as finite floats of shape (components, M), runs on the last axis; ValueError otherwise."""
+    array = np.asarray(value, dtype=float)
+    if array.ndim != 2 or len(array) != components or array.shape[1] == 0 or runs not in (None, array.shape[1]):
+        wanted = f"({components}, {'M' if runs is None else runs})"
+        raise ValueError(f"{name}: expected shape {wanted}, runs on the last axis, got {array.shape}")
+    if not np.all(np.isfinite(array)):
+        raise ValueError(f"{name}: expected finite numbers, got {np.count_nonzero(~np.isfinite(array))} that are not")
+    return array
+
+
 class EnsembleMatrixKF:
     """The Kalman filter on constant matrices over M runs, `trackhelpers.filters.MatrixKF` for each: base of the ensembles whose gain depends on the data.
 
@@ -64,11 +75,13 @@ class EnsembleMatrixKF:
     """
 
     def __init__(self, F, H, Q, R, x0, P0):
-        F, H, x0 = np.asarray(F, dtype=float), np.atleast_2d(np.asarray(H, dtype=float)), np.asarray(x0, dtype=float)
+        F, H = np.asarray(F, dtype=float), np.atleast_2d(np.asarray(H, dtype=float))
         n, m = len(F), len(H)
-        if x0.ndim != 2 or len(x0) != n or not np.all(np.isfinite(x0)):
-            raise ValueError(f"x0: expected finite numbers of shape ({n}, M), runs on the last axis, got shape {x0.shape}")
+        x0 = check_runs(x0, "x0", n)
         F, H = check_array(F, "F", n, (n,)), check_array(H, "H", m, (n,))
+        for name, matrix in (("F", F), ("H", H)):
+            if not np.all(np.isfinite(matrix)):
+                raise ValueError(f"{name}: expected finite numbers, got {np.count_nonzero(~np.isfinite(matrix))} that are not")
         self.matrices = Matrices(F, H, check_covariance(Q, "Q", n), check_covariance(R, "R", m))
         self.runs, self.m = x0.shape[1], m
         self.x = x0.copy()
@@ -89,10 +102,7 @@ class EnsembleMatrixKF:
         self._correct(self._measurement(z))
 
     def _measurement(self, z):
-        z = check_array(z, "z", self.m, (self.runs,))
-        if not np.all(np.isfinite(z)):
-            raise ValueError("z: expected finite measurements in all runs")
-        return z
+        return check_runs(z, "z", self.m, self.runs)
 
     def _correct(self, z):
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):

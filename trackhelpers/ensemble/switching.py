@@ -8,10 +8,20 @@ from collections import deque
 import numpy as np
 from scipy import stats
 
-from trackhelpers.arrays import check_array, check_covariance
+from trackhelpers.arrays import check_covariance
 from trackhelpers.consistency import nis
-from trackhelpers.detection import fading_limit, manoeuvre_start, position_rows
-from trackhelpers.ensemble.matrices import Matrices
+from trackhelpers.detection import (
+    OneAPrediction,
+    check_pair,
+    check_probability,
+    check_step,
+    check_switching,
+    check_window,
+    fading_limit,
+    manoeuvre_start,
+    position_rows,
+)
+from trackhelpers.ensemble.matrices import Matrices, check_runs
 
 
 def _matrices(model, R, dt):
@@ -19,7 +29,7 @@ def _matrices(model, R, dt):
     return Matrices(model.F(nought, dt), position_rows(model), model.Q(nought, dt), R)
 
 
-class EnsembleVariableDimensionKF:
+class EnsembleVariableDimensionKF(OneAPrediction):
     """`trackhelpers.filters.VariableDimensionKF` over M runs; arguments as there, x0 (2 axes, M).
 
     Attributes
@@ -30,16 +40,16 @@ class EnsembleVariableDimensionKF:
     """
 
     def __init__(self, quiet, manoeuvring, R, dt, x0, P0, window=5, enter=0.999, leave=0.95):
-        x0 = np.asarray(x0, dtype=float)
-        self.runs, self.m, self.window, self.dt = x0.shape[1], len(position_rows(quiet)), window, dt
-        self.R = check_covariance(R, "R", self.m)
+        check_pair(quiet, manoeuvring)
+        self.dt, self.window, self.m = check_step(dt), check_window(window), len(position_rows(quiet))
+        self.estimate = check_runs(x0, "x0", quiet.n).copy()
+        self.runs, self.R = self.estimate.shape[1], check_covariance(R, "R", self.m)
         self._rest, self._turn = (_matrices(model, self.R, dt) for model in (quiet, manoeuvring))
         self._kept = [manoeuvring.state.index(name) for name in quiet.state]
         self._accelerations = [i for i in range(manoeuvring.n) if i not in self._kept]
-        self.enter_limit = fading_limit(self.m, window, enter)
-        self.leave_limit = float(stats.chi2.ppf(leave, window * len(self._accelerations)))
+        self.enter_limit = fading_limit(self.m, self.window, enter)
+        self.leave_limit = float(stats.chi2.ppf(check_probability(leave, "leave"), self.window * len(self._accelerations)))
         self.manoeuvring = np.zeros(self.runs, dtype=bool)
-        self.estimate = check_array(x0, "x0", quiet.n, (self.runs,)).copy()
         self.estimate_P = np.repeat(check_covariance(P0, "P0", quiet.n)[..., None], self.runs, axis=2)
         self.x, self.P = np.zeros((manoeuvring.n, self.runs)), np.zeros((manoeuvring.n, manoeuvring.n, self.runs))
         self.statistic = np.zeros(self.runs)
@@ -55,10 +65,12 @@ class EnsembleVariableDimensionKF:
         self.estimate[:, rest], self.estimate_P[..., rest] = x, P
         if len(turn):
             self._put(turn, *self._turn.predict(self.x[:, turn], self.P[..., turn]))
+        self._predicted = True
 
     def update(self, z):
         """Correct every run by z, shape (axes, M), and change its model where it is time."""
-        z = check_array(z, "z", self.m, (self.runs,))
+        z = check_runs(z, "z", self.m, self.runs)
+        self._one_a_prediction()
         rest, turn = np.flatnonzero(~self.manoeuvring), np.flatnonzero(self.manoeuvring)
         x, P, y, S, _ = self._rest.correct(self.estimate[:, rest], self.estimate_P[..., rest], z[:, rest])
         self.estimate[:, rest], self.estimate_P[..., rest] = x, P
@@ -96,7 +108,7 @@ class EnsembleVariableDimensionKF:
         self.estimate[:, runs], self.estimate_P[..., runs] = x[self._kept], P[np.ix_(self._kept, self._kept)]
 
 
-class EnsembleIMM:
+class EnsembleIMM(OneAPrediction):
     """`trackhelpers.filters.ManoeuvreIMM` over M runs; arguments as there, x0 (2 axes, M).
 
     Attributes
@@ -108,16 +120,17 @@ class EnsembleIMM:
     """
 
     def __init__(self, quiet, manoeuvring, R, dt, x0, P0, stay=(0.98, 0.98), mu=(0.9, 0.1)):
-        x0 = np.asarray(x0, dtype=float)
-        self.runs, n = x0.shape[1], manoeuvring.n
+        check_pair(quiet, manoeuvring)
+        x0, n = check_runs(x0, "x0", quiet.n), manoeuvring.n
+        self.runs = x0.shape[1]
         self._kept = [manoeuvring.state.index(name) for name in quiet.state]
         E = np.eye(n)[:, self._kept]
         H, R, nought = position_rows(manoeuvring), check_covariance(R, "R", len(position_rows(manoeuvring))), np.zeros(quiet.n)
         at_rest = Matrices(E @ quiet.F(nought, dt) @ E.T, H, E @ quiet.Q(nought, dt) @ E.T, R)
         self._models = at_rest, _matrices(manoeuvring, R, dt)
-        self._stay = np.array([[stay[0], 1 - stay[0]], [1 - stay[1], stay[1]]])
-        self.mu = np.repeat(np.asarray(mu, dtype=float)[:, None], self.runs, axis=1)
-        start = E @ check_array(x0, "x0", quiet.n, (self.runs,))
+        self._stay, mu = check_switching(stay, mu)
+        self.mu = np.repeat(mu[:, None], self.runs, axis=1)
+        start = E @ x0
         self._xs = [start.copy() for _ in range(2)]
         self._Ps = [np.repeat((E @ check_covariance(P0, "P0", quiet.n) @ E.T)[..., None], self.runs, axis=2) for _ in range(2)]
         self._mixture(self.mu)
@@ -133,16 +146,18 @@ class EnsembleIMM:
         return self.P[np.ix_(self._kept, self._kept)]
 
     def predict(self):
-        """Mix the two models' estimates, and predict each."""
+        """Mix the two models' estimates, and predict each; x and P are the mixture by the probabilities after the step."""
         self._ahead = self._stay.T @ self.mu  # probability of each model after the step
         moments = [_mixed(self._stay[:, j, None] * self.mu / self._ahead[j], self._xs, self._Ps) for j in range(2)]
         moved = [model.predict(*moment) for model, moment in zip(self._models, moments, strict=True)]
         self._xs, self._Ps = [x for x, _ in moved], [P for _, P in moved]
-        self._mixture(self.mu)
+        self._mixture(self._ahead)
+        self._predicted = True
 
     def update(self, z):
         """Correct both models by z, shape (axes, M), and weigh them by their likelihoods."""
-        z = check_array(z, "z", len(self._models[0].H), (self.runs,))
+        z = check_runs(z, "z", len(self._models[0].H), self.runs)
+        self._one_a_prediction()
         logs = np.empty((2, self.runs))
         for j, model in enumerate(self._models):
             self._xs[j], self._Ps[j], y, S, _ = model.correct(self._xs[j], self._Ps[j], z)

@@ -4,9 +4,8 @@ import numpy as np
 from filterpy.kalman import IMMEstimator
 
 from trackhelpers.arrays import check_array, check_covariance
-from trackhelpers.detection import position_rows
-from trackhelpers.filters.matrices import MatrixKF, check_matrix
-from trackhelpers.filters.variable_dimension import check_pair
+from trackhelpers.detection import OneAPrediction, check_pair, check_switching, position_rows
+from trackhelpers.filters.matrices import MatrixKF
 
 
 def embedding(quiet, manoeuvring):
@@ -14,7 +13,7 @@ def embedding(quiet, manoeuvring):
     return np.array([[float(a == b) for b in quiet.state] for a in manoeuvring.state])
 
 
-class ManoeuvreIMM(IMMEstimator):
+class ManoeuvreIMM(OneAPrediction, IMMEstimator):
     """filterpy's IMMEstimator on a quiet and a manoeuvring model, both in the state of the latter.
 
     filterpy mixes states of one dimension only. The quiet model is therefore written in the larger state, with the columns and rows of the acceleration zero: it
@@ -71,24 +70,33 @@ class ManoeuvreIMM(IMMEstimator):
         """Their covariance."""
         return self._kept @ self.P @ self._kept.T
 
+    def predict(self):
+        """Mix the two estimates and predict each. The mixture x, P is weighed by the probabilities after the step; filterpy weighs it by those before."""
+        super().predict()
+        self._predicted = True
+        before, self.mu = self.mu, self.cbar
+        self._compute_state_estimate()
+        self.mu = before
+        self.x_prior, self.P_prior = self.x.copy(), self.P.copy()
+
     def update(self, z):
-        """Correct by measurement `z`, shape (axes,). None leaves the prediction; filterpy would weigh the models by the likelihood of an older measurement."""
-        if z is not None:
-            super().update(self.filters[0]._measurement(z))
-            return
-        for kf in self.filters:
-            kf.update(None)
-        self.mu = self.cbar.copy()
+        """Correct by measurement `z`, shape (axes,), one a prediction. None leaves the prediction; filterpy would weigh the models by an older measurement's likelihood.
+
+        The likelihoods are compared by their logarithms: far from both models filterpy's are both rounded up to the least positive number, and so equal.
+        """
+        if z is None:
+            for kf in self.filters:
+                kf.update(None)
+            self.mu = self.cbar.copy()
+        else:
+            z = self.filters[0]._measurement(z)
+            self._one_a_prediction()
+            for kf in self.filters:
+                kf.update(z)
+            logs = np.array([kf.log_likelihood for kf in self.filters])
+            self.likelihood = np.exp(logs - logs.max())  # up to a common factor
+            self.mu = self.cbar * self.likelihood
+            self.mu = self.mu / self.mu.sum()
         self._compute_mixing_probabilities()
+        self._compute_state_estimate()
         self.x_post, self.P_post = self.x.copy(), self.P.copy()
-
-
-def check_switching(stay, mu):
-    """The transition matrix, [i, j] from model i to model j, and the first probabilities; ValueError unless all lie strictly between 0 and 1."""
-    stay, mu = check_matrix(stay, "stay", (2,)), check_matrix(mu, "mu", (2,))
-    for name, value in (("stay", stay), ("mu", mu)):
-        if np.any((value <= 0) | (value >= 1)):
-            raise ValueError(f"{name}: expected two probabilities between 0 and 1, got {value}")
-    if abs(mu.sum() - 1) > 1e-9:
-        raise ValueError(f"mu: expected probabilities that sum to 1, got {mu}")
-    return np.array([[stay[0], 1 - stay[0]], [1 - stay[1], stay[1]]]), mu

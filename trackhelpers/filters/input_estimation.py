@@ -4,11 +4,11 @@ from collections import deque
 
 from scipy import stats
 
-from trackhelpers.detection import check_probability, check_window, constant_input
-from trackhelpers.filters.matrices import MatrixKF, check_matrix
+from trackhelpers.detection import OneAPrediction, check_input, check_probability, constant_input
+from trackhelpers.filters.matrices import MatrixKF
 
 
-class InputEstimationKF(MatrixKF):
+class InputEstimationKF(OneAPrediction, MatrixKF):
     """Kalman filter with a piecewise constant input, whose changes it finds in its innovations.
 
     At every step the innovations of the last `window` steps give a least squares estimate of a change of the input at the window's beginning
@@ -40,25 +40,27 @@ class InputEstimationKF(MatrixKF):
 
     def __init__(self, F, G, H, Q, R, x0, P0, window=10, probability=0.9999):
         super().__init__(F, H, Q, R, x0, P0)
-        q = len(G[0])
-        self.B = check_matrix(G, "G", (self.dim_x, q))
-        self.window = check_window(window)
-        if self.window * self.dim_z < q:
-            raise ValueError(f"window: expected at least {-(-q // self.dim_z)} steps to see {q} inputs, got {window}")
-        self.limit = float(stats.chi2.ppf(check_probability(probability, "probability"), q))
+        self.B, self.window = check_input(self.F, G, self.H, window)
+        self.limit = float(stats.chi2.ppf(check_probability(probability, "probability"), self.B.shape[1]))
         self.u, self.changes = self.B[0] * 0.0, 0
         self._past = deque(maxlen=self.window)
 
     def predict(self):
         """Predict with the input in force."""
         super().predict(u=self.u)
+        self._predicted = True
 
     def update(self, z):
-        """Correct by measurement `z`, shape (m,), and by a change of the input where the window shows one; None leaves the prediction and empties the window."""
+        """Correct by measurement `z`, shape (m,), and by a change of the input where the window shows one; None leaves the prediction and empties the window.
+
+        One measurement a prediction: the window counts steps. RuntimeError for a second one.
+        """
         if z is None:
             self._no_measurement()
             self._past.clear()
             return
+        z = self._measurement(z)
+        self._one_a_prediction()
         super().update(z)
         self._past.append((self.y, self.S, self.K))
         if len(self._past) < self.window:

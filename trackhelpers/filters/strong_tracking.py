@@ -3,6 +3,7 @@
 import numpy as np
 
 from trackhelpers.arrays import check_scale
+from trackhelpers.detection import check_forgetting
 from trackhelpers.filters.matrices import MatrixKF
 
 
@@ -44,9 +45,7 @@ class StrongTrackingKF(MatrixKF):
 
     def __init__(self, F, H, Q, R, x0, P0, beta=4.0, rho=0.95, factors="one"):
         super().__init__(F, H, Q, R, x0, P0)
-        self.beta, self.rho = check_scale(beta, "beta"), check_scale(rho, "rho")
-        if not 0 < self.rho <= 1:
-            raise ValueError(f"rho: expected a forgetting factor in (0, 1], got {rho!r}")
+        self.beta, self.rho = check_scale(beta, "beta"), check_forgetting(rho)
         if factors not in ("one", "per axis"):
             raise ValueError(f"factors: expected 'one' or 'per axis', got {factors!r}")
         self.factors = factors

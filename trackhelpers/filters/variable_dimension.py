@@ -5,22 +5,22 @@ from collections import deque
 import numpy as np
 from scipy import stats
 
-from trackhelpers.arrays import check_array, check_covariance, check_dt
+from trackhelpers.arrays import check_array, check_covariance
 from trackhelpers.consistency import nis
-from trackhelpers.detection import check_probability, check_window, fading_limit, manoeuvre_start, position_rows
+from trackhelpers.detection import (
+    OneAPrediction,
+    check_pair,
+    check_probability,
+    check_step,
+    check_window,
+    fading_limit,
+    manoeuvre_start,
+    position_rows,
+)
 from trackhelpers.filters.matrices import MatrixKF
 
 
-def check_pair(quiet, manoeuvring):
-    """ValueError unless `quiet` is CV-like and `manoeuvring` has the same axes with accelerations."""
-    wanted = tuple(name for name in manoeuvring.state if not name.startswith("a"))
-    if not (quiet.linear and manoeuvring.linear) or quiet.state != wanted or len(manoeuvring.state) * 2 != len(quiet.state) * 3:
-        raise ValueError(
-            f"quiet, manoeuvring: expected linear models with states such as (x, vx) and (x, vx, ax), got {quiet.state} and {manoeuvring.state}"
-        )
-
-
-class VariableDimensionKF(MatrixKF):
+class VariableDimensionKF(OneAPrediction, MatrixKF):
     """Kalman filter that changes its model, and with it its dimension, between rest and manoeuvre.
 
     *At rest* it runs `quiet` and sums its NIS with a fading memory of `window` steps. When the sum passes its limit, the manoeuvre is taken to have begun `window` + 1
@@ -64,9 +64,7 @@ class VariableDimensionKF(MatrixKF):
 
     def __init__(self, quiet, manoeuvring, R, dt, x0, P0, window=5, enter=0.999, leave=0.95):
         check_pair(quiet, manoeuvring)
-        self.dt = check_dt(dt)
-        if self.dt == 0:
-            raise ValueError("dt: expected a step > 0 s, got 0")
+        self.dt = check_step(dt)
         x0 = check_array(x0, "x0", quiet.n, ())
         self._models = {False: self._matrices(quiet), True: self._matrices(manoeuvring)}
         F, H, Q = self._models[False]
@@ -94,14 +92,24 @@ class VariableDimensionKF(MatrixKF):
         """Their covariance."""
         return self.P[np.ix_(self._kept, self._kept)] if self.manoeuvring else self.P
 
+    def predict(self):
+        """Predict by the model in force."""
+        super().predict()
+        self._predicted = True
+
     def update(self, z):
-        """Correct by measurement `z`, shape (axes,), and change the model where it is time; None leaves the prediction and both sums."""
+        """Correct by measurement `z`, shape (axes,), and change the model where it is time; None leaves the prediction and both sums.
+
+        One measurement a prediction: the sums count steps. RuntimeError for a second one.
+        """
         if z is None:
             self._no_measurement()
             if not self.manoeuvring:
                 self._past.clear()
                 self._past.append((self.x, self.P, None))
             return
+        z = self._measurement(z)
+        self._one_a_prediction()
         super().update(z)
         if self.manoeuvring:
             self._perhaps_leave()
@@ -115,7 +123,7 @@ class VariableDimensionKF(MatrixKF):
         (x, P, _), (_, _, first), *later = self._past
         self._change(True, *manoeuvre_start(x, P, first, self.R, self.dt))
         for _, _, z in later:
-            self.predict()
+            super().predict()
             super().update(z)
         self._past.clear()
         self.statistic = 0.0

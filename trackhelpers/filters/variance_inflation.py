@@ -2,9 +2,8 @@
 
 import numpy as np
 
-from trackhelpers.arrays import check_scale
 from trackhelpers.consistency import nis
-from trackhelpers.detection import check_window, fading_limit
+from trackhelpers.detection import check_inflation, check_window, fading_limit
 from trackhelpers.filters.matrices import MatrixKF
 
 
@@ -28,7 +27,7 @@ class VarianceInflationKF(MatrixKF):
     Attributes
     ----------
     manoeuvring : bool
-        Whether the last update was made with the inflated Q.
+        Whether the last measurement was taken with the inflated Q.
 
     References
     ----------
@@ -37,18 +36,16 @@ class VarianceInflationKF(MatrixKF):
 
     def __init__(self, F, H, Q, R, x0, P0, inflation=100.0, window=5, probability=0.999):
         super().__init__(F, H, Q, R, x0, P0)
-        self.inflation = check_scale(inflation, "inflation")
-        if self.inflation < 1:
-            raise ValueError(f"inflation: expected a factor ≥ 1, got {inflation!r}")
+        self.inflation = check_inflation(inflation)
         self.window = check_window(window)
         self.limit = fading_limit(self.dim_z, self.window, probability)
         self.statistic, self.manoeuvring = 0.0, False
-        self._quiet_P = self.P.copy()
+        self._quiet_P, self._predicted = self.P.copy(), False
 
     def predict(self):
         """Predict with the plain Q; `update` adds the rest where it is wanted."""
         super().predict()
-        self._quiet_P = self.F @ self._quiet_P @ self.F.T + self.Q
+        self._quiet_P, self._predicted = self.F @ self._quiet_P @ self.F.T + self.Q, True
 
     def update(self, z):
         """Correct by measurement `z`, shape (m,); None leaves the prediction and the fading sum."""
@@ -59,10 +56,11 @@ class VarianceInflationKF(MatrixKF):
         quiet_S = self.H @ self._quiet_P @ self.H.T + self.R
         self.statistic = (1 - 1 / self.window) * self.statistic + nis(z - self.H @ self.x, quiet_S)
         self.manoeuvring = bool(self.statistic > self.limit)
-        if self.manoeuvring:
+        if self.manoeuvring and self._predicted:  # a second measurement at the same instant finds Q inflated already
             self.P = self.P + (self.inflation - 1) * self.Q
             self.P_prior = self.P.copy()
         K = np.linalg.solve(quiet_S, self.H @ self._quiet_P).T
         A = np.eye(self.dim_x) - K @ self.H
         self._quiet_P = A @ self._quiet_P @ A.T + K @ self.R @ K.T
+        self._predicted = False
         super().update(z)

@@ -34,6 +34,8 @@ class LinearModel(Model):
         if not np.all(np.isfinite(self._F)):
             raise ValueError("F: expected finite numbers")
         self.dt = check_dt(dt)
+        if self.dt == 0:
+            raise ValueError("dt: expected a step > 0 s, got 0")
         super().__init__([], Q=Q, checked=checked)
 
     def _arguments(self, x, dt):

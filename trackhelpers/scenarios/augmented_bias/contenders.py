@@ -139,7 +139,7 @@ def plain():
 
 
 def accelerating(model=ACCELERATING, name="CA"):
-    """A plain Kalman filter with accelerations in its state, 0 ± σ at the start."""
+    """A plain Kalman filter with accelerations in its state, known to be 0 at the start, where the target is at rest."""
     nought = np.zeros(6)
     sensor = POSITION_VELOCITY[[0, 2]]
     return Linear(name, model.F(nought, T), sensor, model.Q(nought, T), POSITION_VELOCITY, POSITION_VELOCITY.T)
