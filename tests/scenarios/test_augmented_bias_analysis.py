@@ -74,6 +74,37 @@ def test_friedlands_two_stages_are_the_constant_bias_of_r3(data, prior):
     np.testing.assert_allclose(whole.P[4:, 4:], two.bias_P, atol=1e-9)
 
 
+@pytest.mark.parametrize(
+    ("prior", "message"),
+    [
+        (-np.eye(4), "P_bias0: expected a positive semidefinite matrix"),
+        (np.triu(np.ones((4, 4))), "P_bias0: expected a symmetric matrix"),
+        (np.diag([1.0, np.nan, 1.0, 1.0]), "P_bias0: expected finite numbers"),
+        (np.eye(3), "P_bias0: expected shape"),
+    ],
+)
+def test_a_prior_of_the_bias_that_is_no_covariance_is_refused(data, prior, message):
+    with pytest.raises(ValueError, match=message):
+        analysis.TwoStageKF(F, H, Q, R, data[0], P0, prior)
+
+
+def test_two_stages_without_a_measurement_predict_both_as_r3_does(data):
+    x0, z = data
+    prior = np.diag([1.0, 0.5, 1.0, 0.5])
+    whole = AugmentedBiasKF(F, H, Q, R, np.zeros((4, 4)), x0, P0, "R3", prior)
+    two = analysis.TwoStageKF(F, H, Q, R, x0, P0, prior)
+    for k, column in enumerate(z.T[:60]):
+        for kf in (whole, two):
+            kf.predict()
+            kf.update(None if k % 3 == 1 else column)
+        np.testing.assert_allclose(two.estimate, whole.estimate, rtol=1e-9, atol=1e-9)
+        np.testing.assert_allclose(two.bias_P, whole.P[4:, 4:], atol=1e-9)
+    before = two.bias, two.bias_P, two.V
+    with pytest.raises(ValueError, match="z: expected"):
+        two.update([np.nan, 0.0])
+    assert all(now is then for now, then in zip((two.bias, two.bias_P, two.V), before, strict=True))
+
+
 def test_r1_is_r3_that_starts_with_one_step_of_bias(data):
     x0, z = data
     Q_bias = analysis.bias_step((0.03, 0.01), 0.005)

@@ -88,6 +88,14 @@ def test_the_opponents_notice_a_wrong_number(points, number):
     assert largest_difference(cases, lambda p: pair.printed(p) * (1 + 1e-6), pair.opponent) > 1e-9
 
 
+def test_the_outcomes_of_the_noise_have_its_moments_and_no_others(points):
+    for p in points:
+        np.testing.assert_allclose(opponents.PAIRS[27].opponent(p), opponents.PAIRS[27].printed(p), atol=1e-12)
+        larger = p._replace(Q_bias=p.Q_bias + 1e-3 * np.eye(3))
+        added = opponents.PAIRS[27].opponent(larger) - opponents.PAIRS[27].opponent(p)
+        np.testing.assert_allclose(added, np.diag([0, 0, 0, 1e-3, 1e-3, 1e-3]), atol=1e-12)
+
+
 def test_fading_as_printed_is_the_short_form(points):
     for p in points:
         X, XL, LX, L = p.P[:3, :3], p.P[:3, 3:], p.P[3:, :3], p.P[3:, 3:]

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy import stats
 
-from trackhelpers.arrays import check_array
+from trackhelpers.arrays import check_array, check_covariance
 from trackhelpers.ensemble import EnsembleKF
 from trackhelpers.filters.matrices import MatrixKF
 from trackhelpers.scenarios.augmented_bias.contenders import POSITION_VELOCITY, SIGMA_A, H, Linear
@@ -26,7 +26,7 @@ def estimates(kf, z, of=None):
 def constant_acceleration(Q_bias, name="CA in disguise"):
     """The constant-acceleration filter whose positions are those of the augmented filter (reading R1) with the same Q_Λ.
 
-    Per axis with n = (n_p, n_v), a step of the bias: state (p, v, a), transition [[1, T, T²/2], [0, 1, T], [0, 0, 1]], noise [T²/2, T, 0] w + [1, 1/T, 0] n_p + [0, ½, 1/T] n_v. Its
+    Per axis with n = (n_p, n_v), a step of the bias: state (p, v, a), transition [[1, T, T²/2], [0, 1, T], [0, 0, 1]], noise [T²/2, T, 0] w_a + [1, 1/T, 0] n_p + [0, ½, 1/T] n_v. Its
     v + (T/2 − κ) a with κ = cov(n_p, n_v)/var(n_v) is the augmented filter's velocity too, when the n_p that n_v does not explain is zero.
 
     Parameters
@@ -64,13 +64,18 @@ class TwoStageKF(MatrixKF):
     F, H, Q, R, x0, P0
         As for `MatrixKF`: the bias-free filter, whose state is `x`.
     P_bias0 : array_like, shape (n, n)
-        Covariance of b, whose mean is 0.
+        Covariance of b, symmetric positive semidefinite; its mean is 0.
 
     Attributes
     ----------
     bias (n,), bias_P (n, n) : b and its covariance
     V (n, n) : what a unit of b adds to the bias-free filter's error
     estimate (n,) : x + V b
+
+    Raises
+    ------
+    ValueError
+        As for `MatrixKF`, and for a P_bias0 that is no covariance.
 
     References
     ----------
@@ -79,7 +84,7 @@ class TwoStageKF(MatrixKF):
 
     def __init__(self, F, H, Q, R, x0, P0, P_bias0):
         super().__init__(F, H, Q, R, x0, P0)
-        self.bias, self.bias_P = np.zeros(self.dim_x), check_array(P_bias0, "P_bias0", self.dim_x, (self.dim_x,)).copy()
+        self.bias, self.bias_P = np.zeros(self.dim_x), check_covariance(P_bias0, "P_bias0", self.dim_x)
         self.V = np.zeros((self.dim_x, self.dim_x))
 
     def predict(self):
@@ -88,8 +93,10 @@ class TwoStageKF(MatrixKF):
         self.V = self.F @ self.V + np.eye(self.dim_x)
 
     def update(self, z):
-        """Correct both by the measurement `z`, shape (m,)."""
+        """Correct both by the measurement `z`, shape (m,); None leaves the prediction of both."""
         super().update(z)
+        if z is None:
+            return
         shown = self.H @ self.V  # what a unit of b adds to the innovation
         S = self.S + shown @ self.bias_P @ shown.T
         K = np.linalg.solve(S, shown @ self.bias_P).T

@@ -1,9 +1,10 @@
 """The rebuilt equations (13) to (31) of paper 3, and beside each an opponent that was derived without it.
 
-The opponents of (13)–(17) and (26)–(31) move points and unit vectors by (7), (8), (12) and (1) alone; those of (18)–(21) are a Kalman filter's on any matrices (least squares by QR, a
+The opponents of (13)–(17) and (26)–(31) move points, unit vectors and outcomes of the noise by (7), (8), (12) and (1) alone; those of (18)–(21) are a Kalman filter's on any matrices (least squares by QR, a
 minimisation, the image of the roots, the information form); those of (22), (23) and (25) are one conditional Gaussian without a recursion.
 """
 
+from itertools import product
 from typing import NamedTuple
 
 import numpy as np
@@ -22,6 +23,7 @@ class Pair(NamedTuple):
     opponent: callable
     what: str
     assumed: str = ""
+    note: str = ""
 
 
 def _halves(x):
@@ -95,9 +97,14 @@ def _noise(p):  # (27)
     return block_diag(p.Q, p.Q_bias)
 
 
-def _image_of_noise(p):
-    J = eqs.step_map(p)[:, len(p.P) :]
-    return J @ _noise(p) @ J.T
+def _moments_of_noise(p):
+    """E[Wᴬ Wᴬᵀ] as a mean over outcomes: W and N are roots of their covariances times ±1, in all combinations, and Wᴬ is what they add to a step."""
+    n = len(p.F)
+    signs = np.array(list(product((-1.0, 1.0), repeat=2 * n))).T  # (2n, 2^(2n))
+    w, steps = np.linalg.cholesky(p.Q) @ signs[:n], np.linalg.cholesky(p.Q_bias) @ signs[n:]
+    x = np.broadcast_to(p.x[:, None], signs.shape)
+    added = eqs.moved(p, x, w, steps) - eqs.moved(p, x, 0 * w, 0 * steps)
+    return added @ added.T / signs.shape[1]
 
 
 def _image_of_prior(p):
@@ -124,6 +131,12 @@ def fading(F, P):
 
 def _faded(p):
     return fading(p.F, p.P) @ p.F @ _first(p.P) @ p.F.T
+
+
+def _ratio(p):
+    """Φ P_s P_X⁻¹ Φ⁻¹ with the covariance P_s of X̃ + Λ."""
+    S = np.hstack([np.eye(len(p.F))] * 2)
+    return p.F @ S @ p.P @ S.T @ np.linalg.inv(p.F @ _first(p.P))
 
 
 PAIRS = {
@@ -173,11 +186,15 @@ PAIRS = {
         "predicted covariance − image of the sources",
         "Φᴬ of (13), multiplied out",
     ),
-    27: Pair(_noise, _image_of_noise, "Q − image of the noises", "of the augmented noise; W and N independent, by (12)"),
+    27: Pair(_noise, _moments_of_noise, "Q − mean over all outcomes of ±1", "of the augmented noise; W and N independent, by (12)"),
     28: Pair(lambda p: _names(p) + _noise(p), eqs.step_covariance, "blocks + Q − image of the sources", "the blocks of (26)"),
     29: Pair(_names, _image_of_prior, "blocks − image of the prior", "multiplied out: ten commas, ten Φ in the first two blocks"),
     30: Pair(
-        _faded, lambda p: _first(_image_of_prior(p)), "λ Φ P_X Φᵀ − first block of the image", "multiplied out: seven commas, eight Φ"
+        lambda p: np.hstack([fading(p.F, p.P), _faded(p)]),
+        lambda p: np.hstack([_ratio(p), _first(_image_of_prior(p))]),
+        "λ − Φ P_s P_X⁻¹ Φ⁻¹, λ Φ P_X Φᵀ − first block of the image",
+        "multiplied out: seven commas, eight Φ",
+        "a definition of λ: what is tested is that both forms are one, and that (31) follows",
     ),
     31: Pair(
         lambda p: _faded(p) + p.Q, lambda p: _first(eqs.step_covariance(p)), "λ Φ P_X Φᵀ + Q − first block", "the second P is λ Φ P_X Φᵀ"
