@@ -5,7 +5,7 @@ from scipy.linalg import solve_discrete_are, solve_discrete_lyapunov
 from trackhelpers.scenarios.augmented_bias import mismatch as lab
 from trackhelpers.scenarios.augmented_bias.contenders import GAMMA, F, Q, plain
 from trackhelpers.scenarios.augmented_bias.exact import alpha_beta, exact_errors, steady_lag
-from trackhelpers.scenarios.augmented_bias.target import R, truth
+from trackhelpers.scenarios.augmented_bias.target import R, correlated, truth
 
 INDEX = float(np.sqrt(0.01 / 3.0))
 CASES = [(INDEX, np.sqrt(3.0), 1.0), (0.5, 2.0, 0.3), (3.0, 0.1, 2.0), (20.0, 1.0, 1.0)]
@@ -180,3 +180,18 @@ def test_power_is_the_share_of_runs_beyond_the_limit():
     drawn = means[..., None] + np.sqrt(v) * rng.normal(size=(2, 3, 40000))
     share = np.mean(np.sum(drawn**2, axis=0) / S > -2 * np.log(0.01), axis=-1)
     np.testing.assert_allclose(lab.power(settled, means), share, atol=0.01)
+
+
+def test_steps_of_a_correlated_acceleration_and_of_a_sinusoid():
+    """What notebook 1 holds (12) against: mean square and lag-one autocorrelation of the steps, in closed form."""
+    rho = np.exp(-1 / 20.0)
+    steps = np.array([np.diff(correlated(path)) for path in range(400)])
+    square = np.mean(steps**2, axis=1)
+    assert abs(square.mean() - 2 * (1 - rho)) < 4 * square.std() / 20
+    whiteness = lab.autocorrelation(steps)
+    assert abs(whiteness.mean() + (1 - rho) / 2) < 4 * whiteness.std() / 20
+    omega, k = 2 * np.pi / 100, np.arange(201)
+    swing = np.diff(np.sin(omega * k))  # Λ's velocity part, amplitude 2 sin(ω/2), over two periods
+    assert np.mean(swing**2) == pytest.approx(2 * np.sin(omega / 2) ** 2)
+    assert lab.change(swing, 1) / np.sqrt(np.mean(swing**2)) == pytest.approx(2 * np.sin(omega / 2), rel=0.01)
+    assert lab.autocorrelation(np.diff(swing)) == pytest.approx(np.cos(omega), abs=0.01)

@@ -92,13 +92,13 @@ class Settled:
     The target's own motion is not random: the true covariances hold the measurement noise alone.
     """
 
-    index: float  # Γ = σ_a T²/σ
+    index: float  # Γ_ti = σ_a T²/σ
     sigma: float = float(np.sqrt(R[0, 0]))  # of a measured position, m
     dt: float = T  # s
 
     @property
     def root(self):
-        """r = (4 + Γ − √(8Γ + Γ²))/4; r² is the product of the poles."""
+        """r = (4 + Γ_ti − √(8Γ_ti + Γ_ti²))/4; r² is the product of the poles."""
         return (4 + self.index - np.sqrt(8 * self.index + self.index**2)) / 4
 
     @property
@@ -162,9 +162,9 @@ class Settled:
         """Error (2,) right after a step with an acceleration of 1 m/s², held within the step."""
         return -self.kept @ [self.dt**2 / 2, self.dt]
 
-    def correlated(self, tau):
-        """RMS errors (position, velocity) under a Gauss–Markov acceleration of 1 m/s² RMS and correlation time `tau`, s, held within a step; without noise."""
-        memory = np.exp(-self.dt / tau)
+    def correlated(self, tau_a):
+        """RMS errors (position, velocity) under a Gauss–Markov acceleration of 1 m/s² RMS and correlation time `tau_a`, s, held within a step; without noise."""
+        memory = np.exp(-self.dt / tau_a)
         A = np.block([[self.loop, memory * self.kick[:, None]], [np.zeros((1, 2)), np.array([[memory]])]])
         drive = np.append(self.kick, 1.0)
         return np.sqrt(np.diag(linalg.solve_discrete_lyapunov(A, (1 - memory**2) * np.outer(drive, drive)))[:2])
