@@ -8,10 +8,10 @@ from scipy import stats
 
 from trackhelpers.consistency import nis
 from trackhelpers.motion import CV, Singer
+from trackhelpers.scenarios.augmented_bias import analysis, operations, target
 from trackhelpers.scenarios.augmented_bias import contenders as rivals
 from trackhelpers.scenarios.augmented_bias import introduction as intro
 from trackhelpers.scenarios.augmented_bias import introduction_probes as probes
-from trackhelpers.scenarios.augmented_bias import operations, target
 from trackhelpers.scenarios.augmented_bias.target import R, T
 
 TRACK = intro.track_of(intro.accelerations(2.0))
@@ -211,9 +211,22 @@ def test_singer_is_its_differential_equation_and_has_both_limits():
     assert max(probes.singer_residuals(points=20, seed=5).values()) < 1e-9
 
 
-def test_the_ca_twin_has_the_augmented_filter_s_estimates():
-    twin, abma = (intro.errors(c, RUNS).values for c in (probes.ca_twin(), rivals.augmented("0.01 ΓΓᵀ")))
-    assert_allclose(twin, abma, rtol=0, atol=1e-8)
+def test_a_component_is_the_single_filter_s():
+    abma = rivals.augmented()
+    found = probes.component(abma, RUNS, 5)[1:, 9]
+    own = [kf.x[5] for kf in intro.walk(rivals.augmented_kf(RUNS.start[:, 9]), RUNS.z[..., 9])]
+    assert_allclose(found, own, rtol=0, atol=1e-9)
+
+
+def test_the_augmented_filter_s_bias_over_t_is_an_acceleration():
+    twin = analysis.constant_acceleration(rivals.BIAS_NOISE["0.01, 0.01"])
+    assert_allclose(probes.component(rivals.augmented(), RUNS, 5) / T, probes.component(twin, RUNS, 2), rtol=0, atol=1e-9)
+
+
+def test_a_run_that_left_early_has_no_delay_of_the_end_and_is_counted():
+    begin, end = np.array([1.0, 2.0, 3.0, np.nan]), np.array([4.0, np.nan, 9.0, 5.0])
+    found = probes.Delays(begin, end, 0.5)
+    assert found.left_out == 0.25 and found.later.value == 4.5
 
 
 def test_the_mean_leaves_nan_out():

@@ -182,7 +182,7 @@ def picture(axes, errors, reference, one, inner, label, truth=None, scale="linea
     errors, reference : Errors
         Of the method, and of the one whose mean is the dotted line.
     one : array (4, N + 1)
-        Errors of the run that is drawn thin.
+        Errors of the run that is drawn thin, in x.
     inner : array (N,) or (N + 1,)
         The method's own indicator in that run.
     label : str
@@ -195,8 +195,9 @@ def picture(axes, errors, reference, one, inner, label, truth=None, scale="linea
     names = ("error of x (m)", "error of $v_x$ (m/s)")
     for ax, i, bound, name in zip(axes[:2], (0, 1), (12, 8), names, strict=True):
         plots.band(ax, t, -errors.rms[i], errors.rms[i], label="± RMS of the runs")
-        ax.plot(t, reference.mean[i], ":", color="k", linewidth=0.9, label="mean of the SKF")
-        plots.estimate(ax, t, one[i], label="one run", method=4, linewidth=0.7)
+        ax.plot(t, reference.mean[i], ":", color=plots.COLOURS["purple"], linewidth=1.2, label="mean of the SKF")
+        if i == 0:  # of the velocity it would hide the mean
+            plots.estimate(ax, t, one[i], label="one run", method=4, linewidth=0.7)
         plots.estimate(ax, t, errors.mean[i], label="mean")
         ax.set(ylim=(-bound, bound), ylabel=name)
     axes[2].plot(t[-len(inner) :], inner, color=plots.COLOURS["vermillion"], linewidth=0.9)

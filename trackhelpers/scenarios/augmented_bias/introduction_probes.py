@@ -1,5 +1,7 @@
 """What paper 3's introduction claims of single methods, as experiments: gates, delays of decisions, innovations that should be white, models that should be equal."""
 
+from typing import NamedTuple
+
 import numpy as np
 from filterpy.common import Q_continuous_white_noise
 from scipy import stats
@@ -9,7 +11,7 @@ from trackhelpers.consistency import nis
 from trackhelpers.ensemble import EnsembleKF
 from trackhelpers.ensemble.matrices import EnsembleMatrixKF
 from trackhelpers.ensemble.switching import EnsembleVariableDimensionKF
-from trackhelpers.motion import CA, Singer
+from trackhelpers.motion import Singer
 from trackhelpers.scenarios.augmented_bias import contenders as rivals
 from trackhelpers.scenarios.augmented_bias.introduction import BEGIN, END, PARTS, STEPS, Errors, accelerations, draw, ratio, track_of
 from trackhelpers.scenarios.augmented_bias.target import R, T
@@ -73,13 +75,31 @@ def delays(modes, change, until):
     return np.where(right[0], np.nan, first)
 
 
+class Delays(NamedTuple):
+    """Delays of both decisions, s, (M,) each, and the share of the runs that were once not in the manoeuvre's mode during its last 20 s."""
+
+    begin: np.ndarray
+    end: np.ndarray
+    early: float
+
+    @property
+    def later(self):
+        """Delay of the end − delay of the beginning, mean with its interval over the runs that have both, s."""
+        return finite_mean(self.end - self.begin)
+
+    @property
+    def left_out(self):
+        """Share of the runs without a delay of the end: at its true time they were in the mode of rest already."""
+        return float(np.mean(np.isnan(self.end)))
+
+
 def delays_by_size(contender, sizes, runs=500):
-    """Size of the acceleration -> delays of the beginning (M,) and of the end (M,), s, and the share of runs that left too early."""
+    """Size of the acceleration -> `Delays`."""
     found = {}
     for a in sizes:
         modes = switching(contender, draw(track_of(accelerations(a)), runs))
         early = np.mean(~modes[END - 20 : END + 1].all(axis=0))
-        found[a] = delays(modes, BEGIN, END), delays(modes, END, STEPS), float(early)
+        found[a] = Delays(delays(modes, BEGIN, END), delays(modes, END, STEPS), float(early))
     return found
 
 
@@ -157,10 +177,15 @@ def singer_residuals(points=25, seed=1970):
     return apart
 
 
-def ca_twin():
-    """The CA filter that has the estimates of the augmented bias filter with Q_Λ = 0.01 ΓΓᵀ: increments of 0.1 m/s², and the CV model's noise on position and velocity."""
-    ca, model = rivals.accelerating(CA(0.1)), rivals.POSITION_VELOCITY
-    return rivals.Linear("CA twin", ca.F, ca.H, ca.Q + model.T @ rivals.Q @ model, model, model.T)
+def component(linear, runs, row):
+    """One component, (N + 1, M), of the state that a contender with known gains estimates."""
+    x0 = linear.from_start @ runs.start
+    ens, found = EnsembleKF(linear.model, x0, linear.P0), [x0[row]]
+    for z in np.moveaxis(runs.z, 1, 0):
+        ens.predict(T)
+        ens.update(z, linear.sensor)
+        found.append(ens.x[row].copy())
+    return np.array(found)
 
 
 def finite_mean(values, level=0.95):

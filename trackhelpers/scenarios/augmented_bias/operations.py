@@ -112,6 +112,7 @@ def table():
         "inflation": inflation(),
         "STKF": strong_tracking(),
         "IE": input_estimation(),
+        "IE, N = 4": input_estimation(window=4),
         "ABMA": augmented(),
     }
     return {name: (count, count) for name, count in same.items()} | {"VDF": (rest, manoeuvre)}
