@@ -224,7 +224,7 @@ def axis_errors(ratio, index, truth="matched", acceleration=0.0):
     return errors, fused["convex"][1][0, 0]
 
 
-def worse_from(index, component, highest=1e3):
+def worse_from(index, component, highest=100.0):
     """The ratio σ₂/σ₁ from which on the convex combination of two settled, matched tracks is worse than sensor 1 alone.
 
     Parameters
