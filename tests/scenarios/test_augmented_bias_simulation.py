@@ -66,3 +66,15 @@ def test_the_table_holds_seven_segments_of_four_components():
     values = sim.table(scores, "settled")["SKF"]
     np.testing.assert_allclose(values[4:8], scores["SKF"].rmse(target.SEGMENTS[1].settled))
     assert values.shape == (28,)
+
+
+def test_the_claims_over_a_are_the_same_numbers_as_for_one_a():
+    three = [c.plain(), c.strong_tracking(4.0), c.augmented()]
+    by_a = {a: runs.score(three, 60, 1, a=a) for a in (1.0, 2.0)}
+    table = sim.claims_by_acceleration(by_a)
+    assert list(table.index) == list(sim.CLAIMS) and list(table.columns) == [1.0, 2.0]
+    ratio = runs.compared(by_a[2.0][sim.PAPERS[2]], by_a[2.0][sim.PAPERS[1]], 4, ["y"])[0]
+    assert table.loc["c: y at 701–900 s, ABMA / STKF", 2.0] == ratio
+    linear = table.loc["a: ABMA − SKF at rest, RMSE of x over the SKF's lag"]
+    assert linear[1.0] == pytest.approx(2 * linear[2.0], rel=0.02)  # the lag is proportional to a, the noise at rest is not
+    assert table.loc["e: longest settling time of ABMA (s)", 2.0] == np.nanmax(sim.settling(c.augmented(), TRACK))

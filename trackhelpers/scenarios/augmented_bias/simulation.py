@@ -4,10 +4,11 @@ from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
+import pandas as pd
 
 from trackhelpers.scenarios.augmented_bias import contenders as c
 from trackhelpers.scenarios.augmented_bias.exact import exact_errors, settling_time
-from trackhelpers.scenarios.augmented_bias.runs import COMPONENTS, score
+from trackhelpers.scenarios.augmented_bias.runs import COMPONENTS, compared, score
 from trackhelpers.scenarios.augmented_bias.target import SEGMENTS, STEPS, simulate, truth
 
 PAPERS = ("SKF", "STKF β=4, one", "ABMA 0.01, 0.01")  # the paper's three, in its Figures 1 to 4
@@ -114,6 +115,45 @@ def settling(linear, track):
                     about = bias[i] - bias[i, segment.last]
                     found[row, i] = settling_time(about, deviation[i, segment.last], segment.first, segment.last)
     return found
+
+
+CLAIMS = {  # claim and number -> the rule of section 4
+    "a: ABMA − SKF at rest, RMSE of x over the SKF's lag": "< 0.05",
+    "b: bias of x at 201–400 s, ABMA / SKF": "< 0.1",
+    "b: bias of vx at 201–400 s, ABMA / STKF": "< 0.1",
+    "c: y at 701–900 s, STKF / STKF at rest": "> 1.1",
+    "c: y at 701–900 s, ABMA / STKF": "< 0.9",
+    "c: vy at 701–900 s, ABMA / STKF": "< 0.9",
+    "d: bias of y at 1101–1300 s, ABMA / SKF": "< 0.1",
+    "e: longest settling time of ABMA (s)": "> 5",
+}
+
+
+def claims_by_acceleration(by_a):
+    """The paper's five claims for several accelerations: a table (`CLAIMS`, a) of their numbers.
+
+    Parameters
+    ----------
+    by_a : dict
+        Acceleration in m/s² -> scores of the paper's three filters, as `score` gives them.
+    """
+    columns = {}
+    for a, scores in by_a.items():
+        skf, stkf, abma = (scores[name] for name in PAPERS)
+        track, rest, last = truth(a), SEGMENTS[0].settled, SEGMENTS[6].settled
+        bias = {(name, i): abs(each.steady_bias(1, i)[0]) for name, each in scores.items() for i in ("x", "vx")}
+        plain, ours = PAPERS[0], PAPERS[2]
+        columns[a] = [
+            (abma.rmse(rest)[0] - skf.rmse(rest)[0]) / bias[plain, "x"],
+            bias[ours, "x"] / bias[plain, "x"],
+            bias[ours, "vx"] / bias[PAPERS[1], "vx"],
+            compared(stkf, stkf, 4, ["y"], against=3)[0],
+            compared(abma, stkf, 4, ["y"])[0],
+            compared(abma, stkf, 4, ["vy"])[0],
+            exact_rms(c.augmented(), track, last)[0][2] / exact_rms(c.plain(), track, last)[0][2],
+            np.nanmax(settling(c.augmented(), track)),
+        ]
+    return pd.DataFrame(columns, index=list(CLAIMS))
 
 
 TRADE = {  # what a family of filters is judged by: segment and part of it
