@@ -66,3 +66,15 @@ def test_committed_notebooks_are_as_refresh_stores_them(path):
     assert form.dumps(form.normalise(notebook)) == text
     assert not kinds & {("error", None), ("stream", "stderr")}
     assert path.stat().st_size < 600_000
+
+
+def test_a_small_dot_keeps_its_colour_in_a_figure_of_many_shades():
+    shades = np.linspace(0, 255, 200 * 200).reshape(200, 200)
+    picture = np.stack([shades, shades.T, 255 - shades], axis=-1).astype(np.uint8)
+    picture[100:103, 100:103] = [0, 114, 178]
+    drawn = io.BytesIO()
+    Image.fromarray(picture).save(drawn, "PNG")
+    stored = Image.open(io.BytesIO(base64.b64decode(form.with_palette(base64.b64encode(drawn.getvalue()).decode()))))
+    assert stored.mode == "P"
+    off = np.abs(np.subtract(np.asarray(stored.convert("RGB")), picture, dtype=float))
+    assert off[101, 101].max() <= form.OFF

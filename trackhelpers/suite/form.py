@@ -7,7 +7,7 @@ import re
 from pathlib import Path
 
 import nbformat
-from PIL import Image
+from PIL import Image, ImageChops
 
 # No version of Python or of a package in it: those change without the notebook changing.
 METADATA = {
@@ -19,6 +19,7 @@ ADDRESS = re.compile(r"\bat 0x[0-9A-Fa-f]+")
 COLOURS = (
     128  # in a stored figure: no eye tells it from the drawn one, and it takes a third of the bytes, in every version that history keeps
 )
+OFF = 40  # of 255: a channel that is farther off is another colour, such as that of a small dot which the palette has no room for
 WIDGET = "application/vnd.jupyter.widget-view+json"
 
 
@@ -50,14 +51,22 @@ def normalise(notebook):
 
 
 def with_palette(png):
-    """Return a PNG, as base64 text, with at most `COLOURS` colours on white; one that has a palette already comes back as it is."""
+    """Return a PNG, as base64 text, on white and with a palette of `COLOURS` colours, or of 256 where a pixel would become another colour with fewer.
+
+    One that has a palette already comes back as it is.
+    """
     image = Image.open(io.BytesIO(base64.b64decode(png)))
     if image.mode == "P":
         return png
     flat = Image.new("RGB", image.size, "white")
     flat.paste(image, mask=image.getchannel("A") if "A" in image.mode else None)
+    for colours, method in ((COLOURS, Image.Quantize.MEDIANCUT), (256, Image.Quantize.MEDIANCUT), (256, Image.Quantize.MAXCOVERAGE)):
+        stored = flat.quantize(colours, method, dither=Image.Dither.NONE)
+        off = ImageChops.difference(flat, stored.convert("RGB"))
+        if max(high for _, high in off.getextrema()) <= OFF:
+            break
     small = io.BytesIO()
-    flat.quantize(COLOURS, dither=Image.Dither.NONE).save(small, "PNG", optimize=True)
+    stored.save(small, "PNG", optimize=True)
     return base64.b64encode(small.getvalue()).decode("ascii")
 
 
