@@ -13,9 +13,9 @@ from trackhelpers import plots
 from trackhelpers.arrays import check_scale
 from trackhelpers.consistency import nees
 from trackhelpers.ensemble import standard_normal
+from trackhelpers.intervals import Interval, ratio_interval
 from trackhelpers.scenarios.augmented_bias.exact import exact_errors
 from trackhelpers.scenarios.augmented_bias.target import P0, START, R, T, simulate
-from trackhelpers.scenarios.thesis.filtering import Interval, ratio_interval
 
 STEPS, BEGIN, END = 180, 60, 120
 PARTS = {

@@ -11,11 +11,11 @@ from trackhelpers.consistency import nis
 from trackhelpers.ensemble import EnsembleKF
 from trackhelpers.ensemble.matrices import EnsembleMatrixKF
 from trackhelpers.ensemble.switching import EnsembleVariableDimensionKF
+from trackhelpers.intervals import Interval, mean_interval, ratio_interval
 from trackhelpers.motion import Singer
 from trackhelpers.scenarios.augmented_bias import contenders as rivals
 from trackhelpers.scenarios.augmented_bias.introduction import BEGIN, END, PARTS, STEPS, Errors, accelerations, draw, ratio, track_of
 from trackhelpers.scenarios.augmented_bias.target import R, T
-from trackhelpers.scenarios.thesis.filtering import Interval, mean_interval, ratio_interval
 from trackhelpers.sensors import LinearSensor
 
 

@@ -6,8 +6,8 @@ import numpy as np
 
 from trackhelpers.consistency import nees
 from trackhelpers.ensemble import monte_carlo
+from trackhelpers.intervals import mean_interval, ratio_interval
 from trackhelpers.scenarios.augmented_bias.target import SEGMENTS, STEPS, simulate, truth
-from trackhelpers.scenarios.thesis.filtering import mean_interval, ratio_interval
 
 COMPONENTS = ("x", "vx", "y", "vy")
 PARTS = ("settled", "transient", "samples")

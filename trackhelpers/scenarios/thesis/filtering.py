@@ -10,7 +10,6 @@ import numpy as np
 from scipy import stats
 
 from trackhelpers.arrays import check_array, check_covariance, congruence, inverse, matvec, symmetrised
-from trackhelpers.tables import number
 
 
 class Covariances(NamedTuple):
@@ -28,17 +27,6 @@ class Estimates(NamedTuple):
     prior: np.ndarray  # (N, n, M)
     innovation: np.ndarray  # (N, m, M)
     posterior: np.ndarray  # (N, n, M)
-
-
-class Interval(NamedTuple):
-    """An average over runs and the interval of it; prints as ``0.203 [0.198, 0.208]``."""
-
-    value: float
-    low: float
-    high: float
-
-    def __str__(self):
-        return f"{number(self.value)} [{number(self.low)}, {number(self.high)}]"
 
 
 def covariances(A, H, Q, R, P0, steps, joseph=True):
@@ -177,31 +165,6 @@ def paired_noises(rng, shape):
         "Laplace": stats.laplace(scale=np.sqrt(0.5)),
     }
     return {name: family.ppf(chance) for name, family in families.items()}
-
-
-def mean_interval(samples, level=0.95):
-    """Mean of one value a run, samples (M,), with its interval for many runs (normal distribution of the mean); returns `Interval`."""
-    samples = _samples(samples, "samples")
-    half = stats.norm.ppf(0.5 + level / 2) * samples.std(ddof=1) / np.sqrt(samples.size)
-    mean = samples.mean()
-    return Interval(float(mean), float(mean - half), float(mean + half))
-
-
-def ratio_interval(numerator, denominator, level=0.95):
-    """Ratio of two means over the same M runs, both (M,) and paired, with its interval by the delta method; returns `Interval`."""
-    numerator, denominator = _samples(numerator, "numerator"), _samples(denominator, "denominator")
-    if numerator.shape != denominator.shape:
-        raise ValueError(f"denominator: expected the {numerator.size} runs of the numerator, got {denominator.size}")
-    ratio = numerator.mean() / denominator.mean()
-    _, low, high = mean_interval((numerator - ratio * denominator) / denominator.mean(), level)
-    return Interval(float(ratio), float(ratio + low), float(ratio + high))
-
-
-def _samples(values, name):
-    values = np.asarray(values, dtype=float)
-    if values.ndim != 1 or values.size < 2 or not np.all(np.isfinite(values)):
-        raise ValueError(f"{name}: expected two or more finite numbers, one a run, got shape {values.shape}")
-    return values
 
 
 def _whole(value, name):
