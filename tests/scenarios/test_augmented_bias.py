@@ -27,6 +27,13 @@ def test_the_target_moves_as_table_1_says():
     np.testing.assert_allclose(track[3, 1101:], 5 + 10 * np.sin(2 * np.pi * t / 100), atol=1e-10)
 
 
+def test_a_track_obeys_the_constant_velocity_model_with_its_accelerations_as_input():
+    acceleration, start = np.random.default_rng(4).normal(size=(2, 30)), (1.0, -2.0, 3.0, 4.0)
+    track = target.track_of(acceleration, start)
+    np.testing.assert_array_equal(track[:, 0], start)
+    np.testing.assert_allclose(track[:, 1:], c.F @ track[:, :-1] + c.GAMMA @ acceleration, atol=1e-11)
+
+
 def test_the_sinusoids_position_is_the_integral_of_its_speed():
     track = target.truth()
     fine = np.linspace(0, 200, 200_001)

@@ -15,7 +15,7 @@ from trackhelpers.consistency import nees
 from trackhelpers.ensemble import standard_normal
 from trackhelpers.intervals import Interval, ratio_interval
 from trackhelpers.scenarios.augmented_bias.exact import exact_errors
-from trackhelpers.scenarios.augmented_bias.target import P0, START, R, T, simulate
+from trackhelpers.scenarios.augmented_bias.target import COMPONENTS, P0, START, R, T, simulate
 
 STEPS, BEGIN, END = 180, 60, 120
 PARTS = {
@@ -27,7 +27,6 @@ PARTS = {
     "accelerated": slice(61, 121),  # onset and manoeuvre
 }
 SHOWN = ("rest", "onset", "manoeuvre", "end", "after")
-COMPONENTS = ("x", "vx", "y", "vy")
 
 
 class Runs(NamedTuple):
@@ -69,17 +68,6 @@ def accelerations(a=2.0):
     both = np.zeros((2, STEPS))
     both[0, BEGIN:END] = check_scale(a, "a")
     return both
-
-
-def track_of(accelerations, start=START):
-    """Truth (4, N + 1) from accelerations (2, N), m/s², each held for a step."""
-    track = np.empty((4, np.shape(accelerations)[1] + 1))
-    for axis, acceleration in enumerate(np.asarray(accelerations, dtype=float)):
-        p, v = start[2 * axis : 2 * axis + 2]
-        speed = v + T * np.concatenate([[0], np.cumsum(acceleration)])
-        track[2 * axis + 1] = speed
-        track[2 * axis] = p + np.concatenate([[0], np.cumsum(T * speed[:-1] + T**2 / 2 * acceleration)])
-    return track
 
 
 def _generators(runs, seed):

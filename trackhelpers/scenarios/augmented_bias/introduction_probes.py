@@ -14,8 +14,8 @@ from trackhelpers.ensemble.switching import EnsembleVariableDimensionKF
 from trackhelpers.intervals import Interval, mean_interval, ratio_interval
 from trackhelpers.motion import Singer
 from trackhelpers.scenarios.augmented_bias import contenders as rivals
-from trackhelpers.scenarios.augmented_bias.introduction import BEGIN, END, PARTS, STEPS, Errors, accelerations, draw, ratio, track_of
-from trackhelpers.scenarios.augmented_bias.target import R, T
+from trackhelpers.scenarios.augmented_bias.introduction import BEGIN, END, PARTS, STEPS, Errors, accelerations, draw, ratio
+from trackhelpers.scenarios.augmented_bias.target import R, T, track_of
 from trackhelpers.sensors import LinearSensor
 
 

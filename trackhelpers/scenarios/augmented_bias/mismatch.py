@@ -12,9 +12,9 @@ from scipy import linalg, stats
 
 from trackhelpers.consistency import nees, nis
 from trackhelpers.ensemble import monte_carlo
-from trackhelpers.scenarios.augmented_bias.contenders import GAMMA, F, H, plain
+from trackhelpers.scenarios.augmented_bias.contenders import F, H, plain
 from trackhelpers.scenarios.augmented_bias.exact import exact_errors
-from trackhelpers.scenarios.augmented_bias.target import PERIOD, START, STEPS, SWING, R, T, accelerations, simulate
+from trackhelpers.scenarios.augmented_bias.target import PERIOD, STEPS, SWING, R, T, accelerations, simulate
 
 
 class System(NamedTuple):
@@ -177,28 +177,14 @@ class Settled:
         return float(np.abs(errors)[:, 0].sum())
 
 
-def discrepancy(track):
-    """Λ_k = X_k − F X_{k−1} of a track (4, N + 1): what the constant-velocity model misses in each step, (4, N), beginning with k = 1."""
-    return track[:, 1:] - F @ track[:, :-1]
-
-
 def integrated(a=2.0, path=0):
-    """The same for Table 1's target from its acceleration alone, by quadrature: ∫(T − s) a ds and ∫ a ds over each step, (4, 1300)."""
+    """What the constant-velocity model misses of Table 1's target in each step, by quadrature: ∫(T − s) a ds and ∫ a ds, (4, 1300), beginning with k = 1."""
     nodes, weights = np.polynomial.legendre.leggauss(12)
     s = T * (1 + nodes) / 2
     held = np.repeat(accelerations(a, path)[..., None], len(s), axis=-1)
     w, t = 2 * np.pi / PERIOD, T * np.arange(STEPS - 1100)[:, None] + s
     held[1, 1100:] = SWING * w * np.cos(w * t)
     return np.stack([held @ (T / 2 * weights * (T - s)), held @ (T / 2 * weights)], axis=1).reshape(4, STEPS)
-
-
-def manoeuvre(acceleration):
-    """Track (4, N + 1) from Table 1's start under an acceleration (2, N), m/s², held within each step."""
-    track = np.empty((4, acceleration.shape[1] + 1))
-    track[:, 0] = START
-    for k, a in enumerate(acceleration.T, 1):
-        track[:, k] = F @ track[:, k - 1] + GAMMA @ a
-    return track
 
 
 def change(series, steps):

@@ -7,9 +7,8 @@ import numpy as np
 from trackhelpers.consistency import nees
 from trackhelpers.ensemble import monte_carlo
 from trackhelpers.intervals import mean_interval, ratio_interval
-from trackhelpers.scenarios.augmented_bias.target import SEGMENTS, STEPS, simulate, truth
+from trackhelpers.scenarios.augmented_bias.target import COMPONENTS, SEGMENTS, STEPS, simulate, truth
 
-COMPONENTS = ("x", "vx", "y", "vy")
 PARTS = ("settled", "transient", "samples")
 KEYS = ("mean", "square", "by_run", "mean_by_run", "nees", "nis")
 

@@ -8,8 +8,8 @@ import pandas as pd
 
 from trackhelpers.scenarios.augmented_bias import contenders as c
 from trackhelpers.scenarios.augmented_bias.exact import exact_errors, settling_time
-from trackhelpers.scenarios.augmented_bias.runs import COMPONENTS, compared, score
-from trackhelpers.scenarios.augmented_bias.target import SEGMENTS, STEPS, simulate, truth
+from trackhelpers.scenarios.augmented_bias.runs import compared, score
+from trackhelpers.scenarios.augmented_bias.target import COMPONENTS, SEGMENTS, STEPS, simulate, truth
 
 PAPERS = ("SKF", "STKF β=4, one", "ABMA 0.01, 0.01")  # the paper's three, in its Figures 1 to 4
 FIGURES = {"x": "Figure 1", "y": "Figure 2", "vx": "Figure 3", "vy": "Figure 4"}

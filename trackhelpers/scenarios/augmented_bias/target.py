@@ -13,6 +13,7 @@ from trackhelpers.ensemble import standard_normal
 
 T = 1.0  # s
 STEPS = 1300
+COMPONENTS = ("x", "vx", "y", "vy")
 START = (10.0, 5.0, 20.0, 5.0)  # m, m/s; Table 1's initial state is garbled, see notebook 3
 P0 = np.diag([3.0, 1.0, 3.0, 1.0])
 R = 3.0 * np.eye(2)  # m², printed
@@ -80,6 +81,17 @@ def accelerations(a=2.0, path=0):
     return both
 
 
+def track_of(accelerations, start=START):
+    """Track (4, N + 1) of a target from accelerations (2, N) in x and y, m/s², each held for a step."""
+    track = np.empty((4, np.shape(accelerations)[1] + 1))
+    for axis, acceleration in enumerate(np.asarray(accelerations, dtype=float)):
+        p, v = start[2 * axis : 2 * axis + 2]
+        speed = v + T * np.concatenate([[0], np.cumsum(acceleration)])
+        track[2 * axis + 1] = speed
+        track[2 * axis] = p + np.concatenate([[0], np.cumsum(T * speed[:-1] + T**2 / 2 * acceleration)])
+    return track
+
+
 def truth(a=2.0, path=0):
     """The true track of Table 1, as we read it: (4, 1301), m and m/s.
 
@@ -95,12 +107,7 @@ def truth(a=2.0, path=0):
     numpy.ndarray, shape (4, 1301)
         Accelerations are held within a step; the sinusoid is integrated exactly.
     """
-    track = np.empty((4, STEPS + 1))
-    track[:, 0] = START
-    for axis, acceleration in enumerate(accelerations(a, path)):
-        v = START[2 * axis + 1] + T * np.concatenate([[0], np.cumsum(acceleration)])
-        track[2 * axis + 1] = v
-        track[2 * axis] = START[2 * axis] + np.concatenate([[0], np.cumsum(T * v[:-1] + T**2 / 2 * acceleration)])
+    track = track_of(accelerations(a, path))
     sinusoid, t = slice(1101, None), T * np.arange(1, 201)
     w = 2 * np.pi / PERIOD
     track[3, sinusoid] = track[3, 1100] + SWING * np.sin(w * t)
