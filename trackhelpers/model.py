@@ -56,7 +56,7 @@ class Model:
     def __init__(self, sigmas=(), Q=None):
         self.sigmas = tuple(check_scale(value, name) for name, value in sigmas)
         self._constant = None if Q is None else check_covariance(Q, "Q", self.n)
-        self._eye = np.eye(self.n)
+        self._eye, self._nought = np.eye(self.n), np.zeros((self.n, self.n))
         self._limits = {self.state.index(name): limits for name, limits in self.bounds.items()}
 
     def __repr__(self):
@@ -104,13 +104,13 @@ class Model:
     def Q(self, x, dt):
         """Process noise covariance at the state before the step, shape (n, n, ...), read-only where it is the same for all runs; arguments as for `f`."""
         x, dt = self._arguments(x, dt)
-        return dense(evaluate(lambda x: self._noise(x, dt, self._parts(x, dt, self._order)), x), 0 * self._eye, x, mirrored=True)
+        return dense(evaluate(lambda x: self._noise(x, dt, self._parts(x, dt, self._order)), x), self._nought, x, mirrored=True)
 
     def step(self, x, dt):
         """f, F and Q in one go: what a filter of one target predicts with. Arguments as for `f`."""
         x, dt = self._arguments(x, dt)
         f, transition, noise = evaluate(lambda x: self._hooks(x, dt), x)
-        return filled(f, self.n, x, "_f"), dense(transition, self._eye, x), dense(noise, 0 * self._eye, x, mirrored=True)
+        return filled(f, self.n, x, "_f"), dense(transition, self._eye, x), dense(noise, self._nought, x, mirrored=True)
 
     def linearised(self, x, dt):
         """f, F and Q in one go, the matrices by their entries: what the ensemble filters multiply with. Arguments as for `f`.

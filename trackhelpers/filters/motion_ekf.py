@@ -45,7 +45,7 @@ class MotionEKF(OnModel, ExtendedKalmanFilter):
 
     def predict_x(self, u=0):
         """The nonlinear prediction, called by filterpy's `predict`."""
-        self.x = self.model.normalise(self._ahead)
+        self.x = self.model._normalise(self._ahead)
 
     @atomic
     def update(self, z, sensor=None, R=None):

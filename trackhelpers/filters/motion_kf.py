@@ -57,9 +57,8 @@ class MotionKF(OnModel, KalmanFilter):
             self._step, self._matrices = (self.model, dt), (F, Q)
         self.F, self.Q = self._matrices
         super().predict()
-        if self.model.angles or self.model.bounds:
-            self.x = self.model.normalise(self.x)
-            self.x_prior = self.x.copy()
+        for x in (self.x, self.x_prior):  # new arrays of filterpy's
+            self.model._normalise(x)
 
     @atomic
     def update(self, z, sensor=None, R=None):
