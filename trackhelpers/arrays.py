@@ -79,6 +79,13 @@ def inverse(P):
     return np.einsum("ki...,kj...->ij...", half, half)
 
 
+def divide(A, P):
+    """A P⁻¹ for A (m, n) and a covariance P (n, n), its pseudo-inverse where it is singular; decided on the correlations, so that no unit decides it."""
+    scale = np.sqrt(np.diag(P))
+    scale[scale == 0] = 1.0
+    return (A / scale) @ np.linalg.pinv(P / np.outer(scale, scale), rcond=1e-14, hermitian=True) / scale
+
+
 def eliminate(S, below):
     """Symmetric elimination, S = L D Lᵀ, carried on through further rows.
 
