@@ -3,7 +3,11 @@
 Arrays follow the house's convention: components on the first axis, anything else (sigma points, runs) behind it.
 """
 
+from math import cos, pi, sin
+
 import numpy as np
+
+NAMES = ("θ", "Φ", "ψ")  # of components that are angles in every layout of this package
 
 
 def wrap(angle):
@@ -28,6 +32,10 @@ def wrap_rows(x, angles):
     """Wrap the rows of the array `x` (n, ...) named by the indices `angles`, rad, in place; returns `x`."""
     for i in angles:
         row = x[i]
+        if x.ndim == 1:
+            if not -pi <= row < pi:
+                x[i] = (row + pi) % (2 * pi) - pi
+            continue
         outside = (row < -np.pi) | (row >= np.pi)
         if outside.any():
             with np.errstate(invalid="ignore"):  # a diverged run holds inf
@@ -43,8 +51,10 @@ def wrap_components(x, angles):
 def cos_sin(angle):
     """Cosine and sine of `angle` (rad, any shape), both from the tangent of its half: the one of the three functions that NumPy computes in vectors.
 
-    Their absolute error is a few last places of 1, the sine's relative error too.
+    Their absolute error is a few last places of 1, the sine's relative error too. A plain number is left to Python's own.
     """
+    if type(angle) is float:
+        return cos(angle), sin(angle)
     t = np.tan(np.multiply(angle, 0.5))
     square = t * t
     scale = 1 / (1 + square)

@@ -1,14 +1,17 @@
-"""Small matrices with the Monte Carlo runs on the last axis, and the argument checks that everyone uses.
+"""Small matrices with the Monte Carlo runs on the last axis, and (re-exported from `checks`) the argument checks that everyone uses.
 
 A matrix is ``(n, n)`` for one run or ``(n, n, M)`` for M runs; every function takes both, and a constant ``(n, n)`` matrix broadcasts over the runs.
 With the runs last each operation is a plain loop over a few components whose every step works on M contiguous numbers.
 """
 
-import math
-
 import numpy as np
 
 from trackhelpers import compiled
+from trackhelpers.checks import all_finite as all_finite
+from trackhelpers.checks import check_array as check_array
+from trackhelpers.checks import check_covariance as check_covariance
+from trackhelpers.checks import check_dt as check_dt
+from trackhelpers.checks import check_scale as check_scale
 
 
 def matmul(A, B):
@@ -118,80 +121,3 @@ def mahalanobis(y, S):
     A, D = eliminate(S, y[None])
     with np.errstate(invalid="ignore", over="ignore"):
         return np.einsum("j...,j...->...", A[-1] * D, A[-1])
-
-
-def all_finite(a):
-    """Whether all numbers of an array are finite: when their sum of squares is, they are, and only when it is not a closer look is needed."""
-    a = np.asarray(a)
-    return math.isfinite(np.vdot(a, a)) or bool(np.isfinite(a).all())
-
-
-def check_dt(dt, name="dt"):
-    """The time step as a float, s. ValueError unless it is a finite scalar ≥ 0 (0 is allowed: two sensors at one instant)."""
-    try:
-        value = float(dt)
-    except (TypeError, ValueError):
-        raise ValueError(f"{name}: expected a time step in seconds, a number ≥ 0, got {dt!r}") from None
-    if not np.isfinite(value) or value < 0:
-        raise ValueError(f"{name}: expected a finite time step ≥ 0 s, got {value}")
-    return value
-
-
-def check_scale(value, name):
-    """A standard deviation as a float. ValueError unless it is a finite number ≥ 0."""
-    try:
-        number = float(value)
-    except (TypeError, ValueError):
-        raise ValueError(f"{name}: expected a number ≥ 0, got {value!r}") from None
-    if not np.isfinite(number) or number < 0:
-        raise ValueError(f"{name}: expected a finite number ≥ 0, got {number}")
-    return number
-
-
-def check_array(value, name, first, trailing=None):
-    """`value` as a float array whose first axis has length `first`.
-
-    Parameters
-    ----------
-    trailing : None or tuple of int
-        The axes behind the first; None allows any. A plain vector, shape (first,), must be finite; NaN in an ensemble marks a run that has
-        diverged and passes.
-    """
-    try:
-        array = np.asarray(value, dtype=float)
-    except (TypeError, ValueError):
-        raise ValueError(f"{name}: expected numbers of shape ({first},) or ({first}, ...), got {value!r}") from None
-    if array.ndim == 0 or array.shape[0] != first or (trailing is not None and array.shape[1:] != trailing):
-        wanted = f"({first}, ...)" if trailing is None else str((first, *trailing))
-        raise ValueError(f"{name}: expected shape {wanted}, components on the first axis, got {array.shape}")
-    if array.ndim == 1 and not np.all(np.isfinite(array)):
-        raise ValueError(f"{name}: expected finite numbers, got {array}")
-    return array
-
-
-def check_covariance(value, name, n, runs=None, definite=False, checked=True):
-    """`value` as a covariance of shape (n, n), or (n, n, runs) where `runs` is given and the value has that axis.
-
-    ValueError unless it is finite, symmetric (to 1e-9 of its largest entry), and positive semidefinite (`definite`: positive definite).
-    ``checked=False`` leaves only the test of the shape, for showing what a wrong matrix does.
-    """
-    try:
-        P = np.array(value, dtype=float)
-    except (TypeError, ValueError):
-        raise ValueError(f"{name}: expected a covariance of shape ({n}, {n}), got {value!r}") from None
-    shapes = [(n, n)] if runs is None else [(n, n), (n, n, runs)]
-    if P.shape not in shapes:
-        raise ValueError(f"{name}: expected shape {' or '.join(map(str, shapes))}, got {P.shape}")
-    if not checked:
-        return P
-    if not np.all(np.isfinite(P)):
-        raise ValueError(f"{name}: expected finite numbers, got {np.count_nonzero(~np.isfinite(P))} that are not")
-    scale = np.max(np.abs(P), axis=(0, 1))
-    asymmetry = np.max(np.abs(P - np.swapaxes(P, 0, 1)), axis=(0, 1))
-    if np.any(asymmetry > 1e-9 * scale):
-        raise ValueError(f"{name}: expected a symmetric matrix, got one that differs from its transpose by up to {np.max(asymmetry):.3g}")
-    smallest = np.linalg.eigvalsh(np.moveaxis(P, (0, 1), (-2, -1)))[..., 0]
-    if np.any(smallest < -1e-9 * scale) or (definite and np.any(smallest <= 0)):
-        kind = "definite" if definite else "semidefinite"
-        raise ValueError(f"{name}: expected a positive {kind} matrix, got smallest eigenvalue {np.min(smallest):.3g}")
-    return P

@@ -123,6 +123,7 @@ if njit is not None:
         m = len(R)
         K, S, out = np.empty((n, m, M)), np.empty((m, m, M)), np.empty_like(P)
         B, h, s = np.zeros((n, n, BLOCK)), np.zeros((len(places), BLOCK)), np.empty((m, m, BLOCK))
+        one_for_all, noise = R.shape[2] == 1, np.zeros((m, m, BLOCK))
         PHt, k = np.empty((n, m, BLOCK)), np.empty((n, m, BLOCK))
         for first in range(0, M, BLOCK):
             start, w = np.uintp(first), np.uintp(min(BLOCK, M - first))
@@ -131,7 +132,12 @@ if njit is not None:
             _apply_right(B, places, h, PHt)
             for i in range(m):
                 for j in range(m):
-                    s[i, j] = R[i, j]
+                    if one_for_all:
+                        noise[i, j] = R[i, j, 0]
+                    else:
+                        for r in range(w):
+                            noise[i, j, r] = R[i, j, start + r]
+            s[:] = noise
             for e in range(len(places)):
                 i, j = places[e]
                 for a in range(i + 1):
@@ -164,11 +170,10 @@ if njit is not None:
             _apply_right(B, places, h, slack)
             for a in range(m):
                 for b in range(m):
-                    weight = R[b, a]
-                    if weight != 0.0:
+                    if not one_for_all or R[b, a, 0] != 0.0:
                         for i in range(n):
                             for r in range(LANES):
-                                slack[i, a, r] -= k[i, b, r] * weight
+                                slack[i, a, r] -= k[i, b, r] * noise[b, a, r]
             for i in range(n):
                 for a in range(m):
                     for j in range(i + 1):

@@ -2,9 +2,11 @@
 
 import numpy as np
 from scipy import stats
+from scipy.linalg.lapack import dposv
 
 from trackhelpers import angles as _angles
 from trackhelpers.arrays import check_array, check_covariance, congruence, inverse, mahalanobis, transpose
+from trackhelpers.checks import correlations, deviations
 
 
 def nees(x_true, x, P, angles=()):
@@ -32,13 +34,11 @@ def nees(x_true, x, P, angles=()):
     ValueError
         Shapes that do not fit; for one run, numbers that are not finite or a P that is not positive definite.
     """
-    x = np.asarray(x, dtype=float)
-    n = len(np.atleast_1d(x))
-    x, x_true = check_array(x, "x", n), check_array(x_true, "x_true", n)
+    x = check_array(x, "x", None)
+    x_true = check_array(x_true, "x_true", len(x))
     if x_true.ndim == 1 and x.ndim == 2:
         x_true = x_true[:, None]
-    error = _angles.residual(x_true, x, angles)
-    return _normalised(error, P, "P")
+    return _normalised(_angles.residual(x_true, x, angles), P, "P")
 
 
 def nis(y, S):
@@ -60,20 +60,22 @@ def nis(y, S):
     ValueError
         As for `nees`.
     """
-    y = np.atleast_1d(np.asarray(y, dtype=float))
-    return _normalised(check_array(y, "y", len(y)), S, "S")
+    return _normalised(check_array(np.atleast_1d(y), "y", None), S, "S")
 
 
 def _normalised(error, P, name):
     n = len(error)
     if error.ndim == 1:
         P = check_covariance(P, name, n, definite=True)
-    else:
-        P = np.asarray(P, dtype=float)
-        if P.shape not in ((n, n), (n, n, *error.shape[1:])):
-            raise ValueError(f"{name}: expected shape {(n, n)} or {(n, n, *error.shape[1:])}, got {P.shape}")
-        P = P.reshape(*P.shape, *[1] * (error.ndim + 1 - P.ndim))
-    return mahalanobis(error, P)[()]
+        _, solution, failed = dposv(P, error)
+        if failed:  # by rounding, in these units
+            sigma = deviations(P)
+            solution = dposv(correlations(P), error / sigma)[1] / sigma
+        return error @ solution
+    P = check_array(P, name, n)
+    if P.shape not in ((n, n), (n, n, *error.shape[1:])):
+        raise ValueError(f"{name}: expected shape {(n, n)} or {(n, n, *error.shape[1:])}, got {P.shape}")
+    return mahalanobis(error, P.reshape(*P.shape, *[1] * (error.ndim + 1 - P.ndim)))
 
 
 def chi2_band(dim, runs=1, level=0.95):

@@ -29,6 +29,39 @@ def test_nis_is_the_squared_mahalanobis_length_of_the_innovation():
     assert nis([3.0, 4.0], np.diag([9.0, 4.0])) == pytest.approx(5.0)
 
 
+@pytest.mark.parametrize("units", [[1, 1, 1], [1e6, 1e-6, 1], [1e-9, 1e9, 1e3]])
+def test_nees_and_nis_do_not_depend_on_units(units):
+    rng = np.random.default_rng(2)
+    A, error, units = rng.normal(size=(3, 3)), rng.normal(size=3), np.array(units)
+    P, expected = A @ A.T, error @ np.linalg.solve(A @ A.T, error)
+    scaled = np.outer(units, units) * P
+    for value in (
+        nees(units * error, np.zeros(3), scaled),
+        nis(units * error, scaled),
+        *nis(np.outer(units * error, [1, 1]), scaled),
+    ):
+        assert value == pytest.approx(expected, rel=1e-9)
+
+
+@pytest.mark.parametrize("units", [[1, 1], [1e6, 1e-6], [1e-9, 1e9]])
+def test_a_covariance_that_is_not_definite_is_refused_in_all_units(units):
+    with pytest.raises(ValueError, match="S: expected a positive definite"):
+        nis([0, 0], np.outer(units, units) * [[1, 1.001], [1.001, 1]])
+
+
+def test_what_is_masked_is_no_error():
+    masked = np.ma.array([1, -999.0], mask=[False, True])
+    for call in (
+        lambda: nees(masked, [0, 0], np.eye(2)),
+        lambda: nees([0, 0], masked, np.eye(2)),
+        lambda: nis(masked, np.eye(2)),
+        lambda: nis(masked[:, None], np.eye(2)),
+        lambda: nis(np.zeros((2, 1)), np.ma.array(np.eye(2), mask=np.eye(2))),
+    ):
+        with pytest.raises(ValueError, match="masked"):
+            call()
+
+
 def test_chi2_band_narrows_to_the_mean():
     low, high = chi2_band(4, runs=100)
     assert low < 4 < high

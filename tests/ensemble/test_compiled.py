@@ -41,7 +41,7 @@ def test_propagation_equals_numpys(monkeypatch, model):
 @pytest.mark.parametrize("sensor", [Lidar(), Radar()], ids=lambda s: type(s).__name__)
 def test_correction_equals_numpys_and_only_the_broken_run_is_nan(monkeypatch, sensor):
     x, P = state_and_covariance(CTRV())
-    fast, plain = both(monkeypatch, lambda: covariance.correct(P, sensor.entries(x), sensor.R))
+    fast, plain = both(monkeypatch, lambda: covariance.correct(P, sensor.linearised(x)[1], sensor.R))
     for a, b in zip(fast, plain, strict=True):
         np.testing.assert_allclose(a, b, atol=1e-9)
     assert np.array_equal(np.flatnonzero(np.isnan(fast[2]).any(axis=(0, 1))), [BROKEN])
@@ -71,7 +71,7 @@ def test_a_run_that_breaks_down_leaves_its_neighbours_bit_for_bit():
 @pytest.mark.parametrize("runs", [compiled.LEAST_RUNS, M])
 def test_a_run_does_not_depend_on_how_many_stand_beside_it(runs):
     x, P = state_and_covariance(CTRV())
-    entries = Radar().entries(x)
+    entries = Radar().linearised(x)[1]
     whole = covariance.correct(P, entries, Radar().R)
     part = covariance.correct(P[..., :runs], {place: value[:runs] for place, value in entries.items()}, Radar().R)
     for a, b in zip(whole, part, strict=True):

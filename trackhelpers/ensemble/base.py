@@ -2,8 +2,9 @@
 
 import numpy as np
 
-from trackhelpers import angles
 from trackhelpers.arrays import all_finite, check_covariance, matvec
+from trackhelpers.consistency import nees
+from trackhelpers.filters.on_model import check_fit
 
 QUIET = {"over": "ignore", "invalid": "ignore", "divide": "ignore"}  # what a diverging run does, and only there
 
@@ -19,8 +20,9 @@ class Ensemble:
             raise ValueError(f"x0: expected finite numbers, got {np.count_nonzero(~np.isfinite(x0))} that are not")
         self.model = model
         self.runs = x0.shape[1]
-        self.x = angles.wrap_components(x0, model.angles)
+        self.x = model.normalise(x0)
         self.P = check_covariance(P0, "P0", model.n, runs=self.runs)
+        self._known = None, None  # the last sensor that was found to fit, and the model that it fits
         self._no_measurement()
 
     @property
@@ -31,6 +33,22 @@ class Ensemble:
         return ~healthy
 
     @property
+    def estimate(self):
+        """The estimates that the filter is asked for: its states, shape (n, M)."""
+        return self.x
+
+    @property
+    def estimate_P(self):
+        """Their covariances, shape (n, n, M)."""
+        return self.P
+
+    def nees(self, truth, fold=False):
+        """NEES of each run against `truth`, (n,), (n, 1) or (n, M): shape (M,); as that of the filters of one target."""
+        truth = np.asarray(truth, dtype=float)
+        truth = truth[:, None] if truth.ndim == 1 else truth
+        return nees(self.model.fold(truth, near=self.x) if fold else truth, self.x, self.P, self.model.angles)
+
+    @property
     def _covariance(self):
         return self.P
 
@@ -38,10 +56,11 @@ class Ensemble:
         self.y, self.S = np.zeros((0, self.runs)), np.zeros((0, 0, self.runs))
         self.K = np.zeros((self.model.n, 0, self.runs))
 
-    def _measurement(self, z, sensor, mask):
-        """Checked z (m, M) and mask (M,), the mask None where every run is measured."""
-        if getattr(sensor, "state", None) != self.model.state:
-            raise ValueError(f"sensor: expected one made with state={self.model.state}, got {sensor!r}")
+    def _measurement(self, z, sensor, mask, R):
+        """Checked z (m, M), mask (M,), None where every run is measured, and R (m, m) or (m, m, M)."""
+        if self._known[0] is not sensor or self._known[1] is not self.model:
+            check_fit(sensor, self.model)
+            self._known = sensor, self.model
         z = np.asarray(z, dtype=float)
         if z.shape not in ((sensor.m, self.runs), (sensor.m, 1)):
             raise ValueError(
@@ -57,9 +76,9 @@ class Ensemble:
                 mask = None
         if not all_finite(z if mask is None else z[:, mask]):
             raise ValueError("z: expected finite measurements; name the runs without one by mask")
-        return z, mask
+        return z, mask, sensor.R if R is None else check_covariance(R, "R", sensor.m, runs=self.runs)
 
-    def update(self, z, sensor, mask=None):
+    def update(self, z, sensor=None, mask=None, R=None):
         """Correct the runs that have a measurement.
 
         Parameters
@@ -70,6 +89,8 @@ class Ensemble:
             Made for the model's state.
         mask : array_like of bool, shape (M,), optional
             The runs that are updated; y, S and K are NaN in the others.
+        R : array_like, shape (m, m) or (m, m, M), optional
+            Covariance of the noise in the place of the sensor's, this time; one for all runs or one a run, masked ones included.
 
         Raises
         ------
@@ -79,11 +100,12 @@ class Ensemble:
         if z is None or (mask is not None and np.shape(mask) == (self.runs,) and not np.any(mask)):
             self._no_measurement()
             return
-        z, mask = self._measurement(z, sensor, mask)
+        z, mask, R = self._measurement(z, sensor, mask, R)
         if mask is None:
-            self.x, self.P, self.y, self.S, self.K = self._corrected(self.x, self._covariance, z, sensor)
+            self.x, self.P, self.y, self.S, self.K = self._corrected(self.x, self._covariance, z, sensor, R)
             return
-        x, P, y, S, K = self._corrected(self.x[:, mask], self.P[..., mask], z[:, mask], sensor)
+        R = R[..., mask] if R.ndim == 3 else R
+        x, P, y, S, K = self._corrected(self.x[:, mask], self.P[..., mask], z[:, mask], sensor, R)
         self.x, self.P = self.x.copy(), self.P.copy()
         self.x[:, mask], self.P[..., mask] = x, P
         self.y, self.S, self.K = (self._scattered(part, mask) for part in (y, S, K))
@@ -94,11 +116,11 @@ class Ensemble:
         return whole
 
     def _moved(self, x, K, y):
-        """x + K y, its angles wrapped."""
+        """x + K y, brought back to the range of the state."""
         step = matvec(K, y)
         step += x
-        return angles.wrap_rows(step, self.model.angles)
+        return self.model._normalise(step)
 
-    def _corrected(self, x, P, z, sensor):
+    def _corrected(self, x, P, z, sensor, R):
         """x, P, y, S and K after the measurement z of the runs that have one."""
         raise NotImplementedError

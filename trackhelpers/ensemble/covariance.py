@@ -7,7 +7,7 @@ H has a few entries, and K has as many columns as the sensor has components.
 import numpy as np
 
 from trackhelpers import compiled
-from trackhelpers.arrays import congruence, eliminate, matmul
+from trackhelpers.arrays import eliminate
 
 
 def propagate(P, transition, noise):
@@ -98,18 +98,19 @@ def correct(P, entries, R):
     P : numpy.ndarray, shape (n, n, M)
     entries : dict (row, column) -> number or (M,)
         Entries of H.
-    R : numpy.ndarray, shape (m, m)
+    R : numpy.ndarray, shape (m, m) or (m, m, M)
 
     Returns
     -------
     K (n, m, M), S (m, m, M), P (n, n, M) : numpy.ndarray
         NaN in the runs whose S is not positive definite.
     """
+    R = R.reshape(*R.shape, *[1] * (3 - R.ndim))
     if compiled.serves(P):
         return compiled.correct(np.ascontiguousarray(P), *compiled.stacked(entries, P.shape[2]), np.array(R))
     H, m = gathered(entries, P.shape[2:]), len(R)
     PHt, S = np.zeros((len(P), m, *P.shape[2:])), np.empty((m, m, *P.shape[2:]))
-    S[:] = R[..., None]
+    S[:] = R
     _add_right(PHt, P, H)
     _add_left(S, H, PHt)
     copy_lower(S)
@@ -117,28 +118,14 @@ def correct(P, entries, R):
     B = np.einsum("ik...,jk...->ij...", K, PHt)  # a large temporary array costs more than the arithmetic: what can be is done in place
     np.subtract(P, B, out=B)
     slack = np.zeros_like(PHt)
-    for k, row in enumerate(R.tolist()):
-        for l, weight in enumerate(row):
-            if weight != 0:
-                slack[:, l] -= K[:, k] * weight
+    for k in range(m):
+        for l in range(m):
+            if R[k, l].any():
+                slack[:, l] -= K[:, k] * R[k, l]
     _add_right(slack, B, H)
     B -= np.einsum("ik...,jk...->ij...", slack, K)
     copy_lower(B)
     return K, S, B
-
-
-def correct_unsymmetric(P, H, R):
-    """`correct` for a P that is no covariance (an asymmetric Q went into it): dense, as filterpy does it, with no symmetry assumed or made.
-
-    H is dense, (m, n, M); returns K, S, P as `correct`.
-    """
-    PHt = np.einsum("ij...,kj...->ik...", P, H)
-    S = matmul(H, PHt) + R.reshape(*R.shape, *[1] * (P.ndim - 2))
-    stack = np.moveaxis(S, -1, 0).copy()
-    stack[~(np.abs(np.linalg.det(stack)) > 0)] = np.nan  # one lost run must not stop the others: inv refuses a singular matrix, not NaN
-    K = matmul(PHt, np.moveaxis(np.linalg.inv(stack), 0, -1))
-    A = np.eye(len(P))[..., None] - matmul(K, H)
-    return K, S, congruence(A, P) + congruence(K, R)
 
 
 def gain(PHt, S):

@@ -10,9 +10,10 @@ A run that diverges or whose innovation covariance is no longer positive definit
 import numpy as np
 
 from trackhelpers import angles
-from trackhelpers.arrays import check_dt, cholesky, congruence
+from trackhelpers.arrays import check_dt, cholesky
 from trackhelpers.ensemble.base import QUIET, Ensemble
-from trackhelpers.ensemble.covariance import correct, correct_unsymmetric, gain, mirror, propagate
+from trackhelpers.ensemble.covariance import correct, gain, mirror, propagate
+from trackhelpers.filters.motion_ukf import check_known, check_sigma_points, warn_unknown
 
 
 class EnsembleEKF(Ensemble):
@@ -40,22 +41,14 @@ class EnsembleEKF(Ensemble):
         """Predict over `dt` seconds, dt ≥ 0."""
         dt = check_dt(dt)
         with np.errstate(**QUIET):
-            if self.model.checked:
-                x, transition, noise = self.model.linearised(self.x, dt)
-                self.P = propagate(self.P, transition, noise)
-            else:
-                self.P = congruence(self.model.F(self.x, dt), self.P) + self.model.Q(self.x, dt)
-                x = self.model.f(self.x, dt)
-        self.x = angles.wrap_rows(x, self.model.angles)
+            x, transition, noise = self.model.linearised(self.x, dt)
+            self.P = propagate(self.P, transition, noise)
+        self.x = self.model._normalise(x)
 
-    def _corrected(self, x, P, z, sensor):
+    def _corrected(self, x, P, z, sensor, R):
         with np.errstate(**QUIET):
-            if self.model.checked:
-                z_hat, entries = sensor.linearised(x)
-                K, S, P = correct(P, entries, sensor.R)
-            else:
-                z_hat = sensor.h(x)
-                K, S, P = correct_unsymmetric(P, sensor.H(x), sensor.R)
+            z_hat, entries = sensor.linearised(x)
+            K, S, P = correct(P, entries, R)
             y = sensor.residual(z, z_hat)
             return self._moved(x, K, y), P, y, S, K
 
@@ -77,9 +70,8 @@ class EnsembleUKF(Ensemble):
     def __init__(self, model, x0, P0, alpha=1.0, beta=2.0, kappa=0.0):
         super().__init__(model, x0, P0)
         n = model.n
-        self._spread = alpha**2 * (n + kappa)
-        if not (np.isfinite(self._spread) and self._spread > 0 and np.isfinite(beta)):
-            raise ValueError(f"alpha, beta, kappa: expected finite numbers with alpha²(n + kappa) > 0, got {alpha}, {beta}, {kappa}")
+        self._spread = check_sigma_points(n, alpha, beta, kappa)
+        check_known(self.P, model, "P0")
         if self.P.ndim == 2:
             self.P = np.repeat(self.P[:, :, None], self.runs, axis=2)
         self.Wm = np.full(2 * n + 1, 0.5 / self._spread)
@@ -93,22 +85,23 @@ class EnsembleUKF(Ensemble):
         with np.errstate(**QUIET):
             Q = self.model.Q(self.x, dt)
             moved = self.model.f(self._sigma_points(self.x, self._displacements(self.P)), dt)
-            x = angles.mean(moved, self.Wm, self.model.angles)
-            P = self._spread_about(moved, x, self.model.angles)[0]
+            x = np.einsum("k,nk...->n...", self.Wm, moved)
+            P = self._spread_about(moved, x)[0]
             P += Q
             mirror(P)
-        self.x, self.P = x, P
+        self.x, self.P = self.model._normalise(x), P
+        warn_unknown(P, self.model)
 
-    def _corrected(self, x, P, z, sensor):
+    def _corrected(self, x, P, z, sensor, R):
         with np.errstate(**QUIET):
             root = self._displacements(P)
             seen = sensor.h(self._sigma_points(x, root))
             z_hat = angles.mean(seen, self.Wm, sensor.angles)
             S, deviation = self._spread_about(seen, z_hat, sensor.angles)
-            S += sensor.R[..., None]
+            S += R if R.ndim == 3 else R[..., None]
             n = len(x)  # of the points' deviations from x one is zero, and the others are pairs ±
             pairs = deviation[:, 1 : n + 1] - deviation[:, n + 1 :]
-            cross = np.einsum("ik...,jk...->ij...", angles.wrap_rows(root, self.model.angles), pairs)
+            cross = np.einsum("ik...,jk...->ij...", root, pairs)
             cross *= self.Wc[-1]
             K = gain(cross, S)
             y = sensor.residual(z, z_hat)
@@ -117,7 +110,7 @@ class EnsembleUKF(Ensemble):
             mirror(P_post)
             return self._moved(x, K, y), P_post, y, S, K
 
-    def _spread_about(self, points, mean, angular):
+    def _spread_about(self, points, mean, angular=()):
         """Weighted second moment (m, m, M) of sigma points (m, k, M) about `mean`, and their deviations from it."""
         deviation = angles.residual(points, mean[:, None], angular)
         w, first = self.Wc[-1], deviation[:, 0]  # all points but the first weigh the same

@@ -2,16 +2,18 @@
 
 import numpy as np
 
-from trackhelpers.arrays import check_dt, congruence, matvec, symmetrised
+from trackhelpers.arrays import check_dt, congruence, symmetrised
 from trackhelpers.ensemble import shared
 from trackhelpers.ensemble.base import QUIET, Ensemble
 from trackhelpers.ensemble.covariance import correct
+from trackhelpers.hooks import entries_of
 
 
 class EnsembleKF(Ensemble):
     """`trackhelpers.filters.MotionKF` over M runs.
 
-    The gain of a linear filter does not depend on the data: as long as all runs share P0 and none misses a measurement, P, S and K are computed once for all of
+    Not Evensen's ensemble Kalman filter (EnKF), which takes the covariance of one filter from samples: here M filters run side by side, each with its own exact
+    covariance. The gain of a linear filter does not depend on the data: as long as all runs share P0 and none misses a measurement, P, S and K are computed once for all of
     them, and `P`, `S`, `K` are read-only views that repeat the one matrix over the runs.
 
     Parameters
@@ -29,7 +31,7 @@ class EnsembleKF(Ensemble):
             raise ValueError(f"model: expected a linear model (CV, CA), got {model!r}; use EnsembleEKF or EnsembleUKF")
         super().__init__(model, x0, P0)
         self._step = None, None, None, None  # model, dt, F and Q of the last prediction
-        self._seen = None, None, None  # sensor, H and R of the last update
+        self._seen = None, None, False  # sensor and H of the last update, and whether h(x) is something else than Hx
 
     def _shared(name):
         def read(self):
@@ -56,20 +58,28 @@ class EnsembleKF(Ensemble):
             self.x, self._P = F.dot(self.x), symmetrised(congruence(F, self._P) + Q[..., None])
         else:
             self.x, self._P = shared.predict(self.x, self._P, F, Q)
+        self.x = self.model._normalise(self.x)
 
-    def _measurement(self, z, sensor, mask):
-        z, mask = super()._measurement(z, sensor, mask)
+    def _measurement(self, z, sensor, mask, R):
+        checked = super()._measurement(z, sensor, mask, R)
         if not sensor.linear:
             raise ValueError(f"sensor: expected a linear sensor (Position, Lidar), got {sensor!r}; use EnsembleEKF or EnsembleUKF")
-        return z, mask
+        return checked
 
-    def _corrected(self, x, P, z, sensor):
+    def _corrected(self, x, P, z, sensor, R):
         if self._seen[0] is not sensor:
-            self._seen = sensor, sensor.H(np.zeros(self.model.n)), np.array(sensor.R)
-        _, H, R = self._seen
+            z_hat, H = sensor.step(np.zeros(self.model.n))
+            self._seen = sensor, H, bool(sensor.angles or z_hat.any())
+        _, H, curved = self._seen
+        given = (
+            sensor.residual(z, sensor.h(x)) + H.dot(x) if curved else z
+        )  # so that given − Hx is the residual, which knows of angles and mountings
+        if P.ndim == 2 and R.ndim == 2:
+            x, *rest = shared.correct(x, P, given, H, np.array(R))
+            return self.model._normalise(x), *rest
         if P.ndim == 2:
-            return shared.correct(x, P, z, H, R)
+            P = np.repeat(P[..., None], self.runs, axis=2)
         with np.errstate(**QUIET):
-            y = z - H.dot(x)  # some runs differ from the others
-            K, S, P = correct(P, sensor.entries(np.zeros(self.model.n)), R)
-            return x + matvec(K, y), P, y, S, K
+            y = given - H.dot(x)  # some runs differ from the others
+            K, S, P = correct(P, entries_of(H), R)
+            return self._moved(x, K, y), P, y, S, K

@@ -4,7 +4,9 @@ from trackhelpers.filters.augmented_bias import READINGS, AugmentedBiasKF, augme
 from trackhelpers.filters.imm import ManoeuvreIMM
 from trackhelpers.filters.input_estimation import InputEstimationKF
 from trackhelpers.filters.matrices import MatrixKF
-from trackhelpers.filters.motion import MotionEKF, MotionKF, MotionUKF
+from trackhelpers.filters.motion_ekf import MotionEKF
+from trackhelpers.filters.motion_kf import MotionKF
+from trackhelpers.filters.motion_ukf import MotionUKF
 from trackhelpers.filters.strong_tracking import StrongTrackingKF
 from trackhelpers.filters.variable_dimension import VariableDimensionKF
 from trackhelpers.filters.variance_inflation import VarianceInflationKF

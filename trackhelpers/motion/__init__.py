@@ -4,10 +4,10 @@ Cartesian CV, CA and Singer; the thesis's polar CV and CA; the turn-rate models 
 x of shape (n,), or any trailing axes behind the state (runs, sigma points), with the same functions.
 """
 
+from trackhelpers.model import Model
 from trackhelpers.motion.arc import turn_integrals
-from trackhelpers.motion.base import Model
 from trackhelpers.motion.curvature import CCA, CSAA, CSAV
-from trackhelpers.motion.matrices import LinearModel
+from trackhelpers.motion.given import LinearModel
 from trackhelpers.motion.singer import Singer
 from trackhelpers.motion.straight import CA, CV, PolarCA, PolarCV
 from trackhelpers.motion.turn import CTRA, CTRV

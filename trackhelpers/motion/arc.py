@@ -7,6 +7,8 @@ With p = x + iy, speed v and heading θ, dp/dt = v e^{iθ}. Over a step in which
 which are smooth at φ = 0, where the printed form (sin(θ+φ) − sin θ)/ω is 0/0.
 """
 
+import math
+
 import numpy as np
 from scipy.special import spherical_jn
 
@@ -14,10 +16,7 @@ from trackhelpers.angles import cos_sin
 
 _SMALL = 0.5  # below this half angle the series of j₁, j₂ and j₃ needs no more than 7 terms for full double precision
 # Taylor coefficients of j_l(h)/h^l in h²: (−1)^k / (2^k k! (2l+2k+1)!!), lowest power first
-_SERIES = {
-    l: [(-1.0) ** k / (2.0**k * np.prod(np.arange(1.0, k + 1)) * np.prod(np.arange(1.0, 2 * (l + k) + 2, 2))) for k in range(7)]
-    for l in (1, 2, 3)
-}
+_SERIES = {l: [(-1.0) ** k / (2.0**k * math.factorial(k) * math.prod(range(1, 2 * (l + k) + 2, 2))) for k in range(7)] for l in (1, 2, 3)}
 
 
 def unit(angle):
@@ -26,6 +25,8 @@ def unit(angle):
 
 
 def _complex(real, imag):
+    if type(real) is float:
+        return complex(real, imag)
     number = np.empty(np.shape(real), dtype=complex)
     number.real, number.imag = real, imag
     return number
@@ -68,22 +69,48 @@ def turn_integrals(phi, order):
     """
     if order not in (0, 1, 2, 3):
         raise ValueError(f"order: expected 0, 1, 2 or 3, got {order!r}")
+    if type(phi) is float:
+        return _of_number(phi, order)
     phi = np.asarray(phi, dtype=float)
     h = np.atleast_1d(0.5 * phi)
     with np.errstate(over="ignore", invalid="ignore"):  # a diverged run holds inf or NaN; and for a large h no series is used
         turn = unit(h)
         j0 = turn.imag / h if np.all(h) else np.divide(turn.imag, h, out=np.ones_like(h), where=h != 0)
-        E = [turn * j0]
-        if order >= 1:
-            j1 = _bessel(1, h)
-            E.append(turn * _complex(0.5 * j0, 0.5 * j1))
-        if order >= 2:
-            j2 = _bessel(2, h)
-            E.append(turn * _complex((j0 - 0.5 * j2) / 3, 0.5 * j1))
-        if order >= 3:
-            j3 = _bessel(3, h)
-            E.append(turn * _complex(0.25 * (j0 - j2), 0.45 * j1 - 0.05 * j3))
+        E = _combined(turn, j0, *(_bessel(l, h) for l in range(1, order + 1)))
     return [e.reshape(phi.shape) for e in E]
+
+
+def _combined(turn, j0, j1=None, j2=None, j3=None):
+    """E₀ and as many further integrals as there are further Bessel functions."""
+    E = [turn * j0]
+    if j1 is not None:
+        E.append(turn * _complex(0.5 * j0, 0.5 * j1))
+    if j2 is not None:
+        E.append(turn * _complex((j0 - 0.5 * j2) / 3, 0.5 * j1))
+    if j3 is not None:
+        E.append(turn * _complex(0.25 * (j0 - j2), 0.45 * j1 - 0.05 * j3))
+    return E
+
+
+def _of_number(phi, order):
+    """`turn_integrals` of one plain number; ValueError for inf."""
+    h = 0.5 * phi
+    cos, sin = math.cos(h), math.sin(h)
+    square = h * h
+    j = [sin / h if h else 1.0]
+    if abs(h) > _SMALL:  # upwards; what this loses in j₂ and j₃ is less than rounding in the sums that they enter
+        j += [(j[0] - cos) / h]
+        j += [3 / h * j[1] - j[0]]
+        j += [5 / h * j[2] - j[1]]
+    else:
+        power = 1.0
+        for l in range(1, order + 1):
+            power *= h
+            value = 0.0
+            for coefficient in reversed(_SERIES[l]):
+                value = value * square + coefficient
+            j.append(power * value)
+    return _combined(complex(cos, sin), *j[: order + 1])
 
 
 def turned_moments(heading, rate, dt, order):

@@ -1,159 +1,122 @@
-"""What all motion models share: argument checks, and dense matrices built from the entries a model writes down."""
-
-from functools import cached_property
+"""What all models of a moving target share: three ways in which white inputs reach the state."""
 
 import numpy as np
 
-from trackhelpers.arrays import check_array, check_covariance, check_dt, check_scale
+from trackhelpers import angles as _angles
+from trackhelpers.arrays import check_array
+from trackhelpers.hooks import applied
+from trackhelpers.model import Model
+
+NOISES = ("straight", "exact", "continuous")
+_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(24)
 
 
-class Model:
-    """A motion model x(t+dt) = f(x, dt) + G(x, dt) u, with white inputs u of standard deviations σ that are constant within a step.
+class MotionModel(Model):
+    """A model of a moving target with white inputs.
 
-    A subclass names its state and writes down, for a state x (n, ...) and a step dt, the rows of f (`_rows`), the entries of F that differ from the
-    identity (`_jacobian`) and the entries of G (`_gain`, straight line; `_arc_gain`, along the arc); what these share, sines and cosines above all, it
-    computes in `_arc`. The dense arrays are made here, once for all.
+    Hooks as for `Model`, and ``_G_exact(x, dt, parts)``, which is G integrated along the arc.
 
     Parameters
     ----------
     sigmas : sequence of (str, float)
-        Names and standard deviations of the inputs, SI units.
-    noise : {"straight", "exact"}
-        Whether G is that of a straight line through the current heading (the thesis's (3.13)) or is integrated along the arc.
+        As for `Model`.
+    noise : {"straight", "exact", "continuous"}
+        "straight": inputs that are constant within a step and move the target along its heading (the thesis's (3.13)). "exact": the same inputs, integrated along
+        the arc. "continuous": white noise in continuous time of the spectral density σ², integrated over the step about the predicted path, so that two steps give
+        the covariance of one of their sum; the σ then have the unit of the input times √s.
     Q : array_like, shape (n, n), optional
-        A constant process noise covariance that replaces G diag(σ²) Gᵀ.
-    checked : bool
-        False admits a `Q` that is no covariance, for showing what it does.
+        As for `Model`.
     """
 
-    state: tuple[str, ...] = ()
-    linear = False
-    _angular = ("θ", "Φ")
+    white: tuple[int, ...] = ()  # the component whose derivative is the input, one an input
+    backwards: tuple[
+        int, ...
+    ] = ()  # components that change their sign when the same motion is called one backwards: speed, acceleration, curvature
 
-    def __init__(self, sigmas, noise="straight", Q=None, checked=True):
-        if noise not in ("straight", "exact"):
-            raise ValueError(f"noise: expected 'straight' or 'exact', got {noise!r}")
+    def __init__(self, sigmas, noise="straight", Q=None):
+        if noise not in NOISES:
+            raise ValueError(f"noise: expected one of {NOISES}, got {noise!r}")
         self.noise = noise
-        self.sigmas = tuple(check_scale(value, name) for name, value in sigmas)
-        self.checked = checked
-        self._Q = None if Q is None else check_covariance(Q, "Q", self.n, checked=checked)
+        if noise == "exact":
+            self._order = 2
+        super().__init__(sigmas, Q)
 
     def __repr__(self):
-        noise = f"sigmas={self.sigmas}, noise={self.noise!r}" if self._Q is None else "Q=constant"
-        return f"{type(self).__name__}(state=({', '.join(self.state)}), {noise})"
+        return super().__repr__()[:-1] + f", noise={self.noise!r})"
 
-    @property
-    def n(self):
-        """Number of state components."""
-        return len(self.state)
+    def fold(self, x, near=None):
+        """One of the two names of a motion: with (v, θ), a model with speed and heading also knows it as (−v, θ + π), driven backwards.
 
-    @cached_property
-    def angles(self):
-        """Indices of the state components that are angles."""
-        return tuple(i for i, name in enumerate(self.state) if name in self._angular)
-
-    def f(self, x, dt):
-        """State after `dt` seconds without noise.
+        A filter that has settled on the other name is right about everything that moves, and NEES against a truth in the first name calls it thousands of
+        standard deviations off: compare with ``model.fold(truth, near=kf.x)``, or ask ``kf.nees(truth, fold=True)``.
 
         Parameters
         ----------
         x : array_like, shape (n, ...)
-            State, with any trailing axes (runs, sigma points).
-        dt : float
-            Time step ≥ 0, s.
+        near : array_like, shape (n, ...), optional
+            The name is chosen whose heading is nearer to that of `near`; without it, the one with v ≥ 0.
 
         Returns
         -------
         numpy.ndarray, shape (n, ...)
-            Angles are not wrapped, so that f is smooth; filters wrap.
-
-        Raises
-        ------
-        ValueError
-            A first axis that is not n, a state (n,) that is not finite, a negative dt.
+            Its heading in [−π, π); a model without a heading gives x back.
         """
-        x, dt = self._arguments(x, dt)
-        return self._filled(self._rows(x, dt, self._arc(x, dt, 0)), x)
+        x = check_array(x, "x", self.n)
+        if not self.backwards:
+            return x.copy()
+        heading, speed = self.angles[0], self.backwards[0]
+        if near is None:
+            other = x[speed] < 0
+        else:
+            away = _angles.residual(x[[heading]], check_array(near, "near", self.n)[[heading]], (0,))[0]
+            other = np.abs(away) > np.pi / 2
+        folded = np.array(np.broadcast_to(x, np.broadcast_shapes(x.shape, (self.n, *np.shape(other)))))
+        folded[list(self.backwards)] *= np.where(other, -1.0, 1.0)
+        folded[heading] += np.where(other, np.pi, 0.0)
+        return _angles.wrap_rows(folded, (heading,))
 
-    def F(self, x, dt):
-        """Jacobian ∂f/∂x at `x`, shape (n, n, ...); arguments as for `f`."""
-        x, dt = self._arguments(x, dt)
-        return self._dense(self._jacobian(x, dt, self._arc(x, dt, 1)), x, np.eye(self.n))
+    def _gain(self, x, dt, parts):
+        if self.noise == "continuous":
+            raise NotImplementedError(
+                f"noise='continuous': the input of {type(self).__name__} is white in time, so that no G multiplies it; use Q"
+            )
+        return (self._G_exact if self.noise == "exact" else self._G)(x, dt, parts)
 
-    def G(self, x, dt):
-        """How inputs that are constant within the step reach the state: shape (n, q, ...), one column an input; arguments as for `f`."""
-        x, dt = self._arguments(x, dt)
-        return self._dense(self._chosen_gain(x, dt, self._arc(x, dt, 2)), x, np.zeros((self.n, len(self.sigmas))))
+    def _Q(self, x, dt, parts):
+        return self._continuous(x, dt) if self.noise == "continuous" else super()._Q(x, dt, parts)
 
-    def Q(self, x, dt):
-        """Process noise covariance G diag(σ²) Gᵀ at the state before the step, shape (n, n, ...); arguments as for `f`."""
-        x, dt = self._arguments(x, dt)
-        if self._Q is not None:
-            return np.broadcast_to(self._Q.reshape(self.n, self.n, *[1] * (x.ndim - 1)), (self.n, self.n, *x.shape[1:]))
-        G = self.G(x, dt)
-        return np.einsum("ij...,j,kj...->ik...", G, np.square(self.sigmas), G)
-
-    def linearised(self, x, dt):
-        """f, F and Q in one go, the matrices by their entries: what the ensemble filters multiply with. Arguments as for `f`.
-
-        Returns
-        -------
-        f : numpy.ndarray, shape (n, ...)
-        transition : dict (i, j) -> number or array (...)
-            Entries by which F differs from the identity.
-        noise : dict (i, j) -> number or array (...)
-            Entries of Q on and below the diagonal that are not zero.
-        """
-        x, dt = self._arguments(x, dt)
-        arc = self._arc(x, dt, 2 if self.noise == "exact" else 1)
-        f = self._filled(self._rows(x, dt, arc), x)
-        transition = self._jacobian(x, dt, arc)
-        if self._Q is not None:
-            return f, transition, {(i, j): self._Q[i, j] for i, j in zip(*np.nonzero(np.tril(self._Q)), strict=True)}
-        scaled = {(i, q): self.sigmas[q] * value for (i, q), value in self._chosen_gain(x, dt, arc).items()}
+    def _continuous(self, x, dt):
+        """Entries of ∫₀^dt Φ(t) diag(σ²) Φ(t)ᵀ dt, Φ(t) the columns of the transition from time t to the end that belong to the driven components."""
+        x = np.asarray(x, dtype=float)[:, None]
+        column = (-1, *[1] * (x.ndim - 2))
+        t, weights = (0.5 * dt * (1 + _NODES)).reshape(column), (0.5 * dt * _WEIGHTS).reshape(column)
+        shape = (len(_NODES), *x.shape[2:])
+        path = np.stack([np.broadcast_to(row, shape) for row in self._f(x, t, self._parts(x, t, 0))])
+        transition = self._F(path, dt - t, self._parts(path, dt - t, 1))
         noise = {}
-        for (i, q), a in scaled.items():
-            for (j, r), b in scaled.items():
-                if q == r and j <= i:
-                    noise[i, j] = noise[i, j] + a * b if (i, j) in noise else a * b
-        return f, transition, noise
+        for sigma, driven in zip(self.sigmas, self.white, strict=True):
+            response = {driven: 1.0} | {i: value for (i, j), value in transition.items() if j == driven}
+            for i, a in response.items():
+                for j, b in response.items():
+                    if j <= i:
+                        total = sigma**2 * np.sum(weights * a * b, axis=0)
+                        noise[i, j] = noise.get((i, j), 0.0) + (total.item() if total.size == 1 else total)
+        return noise
 
-    def _arguments(self, x, dt):
-        return check_array(x, "x", self.n), check_dt(dt)
+    def _G_exact(self, x, dt, parts):
+        raise NotImplementedError(f"{type(self).__name__} lacks the hook _G_exact: the gain of its inputs along the arc")
 
-    @staticmethod
-    def _filled(rows, x):
-        f = np.empty(x.shape)
-        for i, row in enumerate(rows):
-            f[i] = row
-        return f
 
-    @staticmethod
-    def _dense(entries, x, constant):
-        matrix = np.empty((*constant.shape, *x.shape[1:]))
-        matrix[:] = constant.reshape(*constant.shape, *[1] * (x.ndim - 1))
-        for index, value in entries.items():
-            matrix[index] = value
-        return matrix
+class LinearMotion(MotionModel):
+    """A model whose F and Q depend on dt alone."""
 
-    def _chosen_gain(self, x, dt, arc):
-        return (self._arc_gain if self.noise == "exact" else self._gain)(x, dt, arc)
+    linear = True
 
-    def _arc(self, x, dt, order):
-        """What the hooks below share, computed once a step: `order` 0 serves `_rows`, 1 `_jacobian` too, 2 also `_arc_gain`."""
-        return None
+    def _f(self, x, dt, parts):
+        return applied(self._F(x, dt, parts), x)
 
-    def _rows(self, x, dt, arc):
-        raise NotImplementedError
-
-    def _jacobian(self, x, dt, arc):
-        raise NotImplementedError
-
-    def _gain(self, x, dt, arc):
-        raise NotImplementedError
-
-    def _arc_gain(self, x, dt, arc):
-        raise NotImplementedError
+    def _G_exact(self, x, dt, parts):
+        return self._G(x, dt, parts)
 
 
 def pair(column, value):

@@ -1,20 +1,23 @@
-"""What all sensors share: argument checks, and dense matrices built from the entries a sensor writes down."""
-
-from functools import cached_property
+"""What all sensors share: the noise, the mounting, the rows taken, and arrays out of the hooks that a sensor writes down."""
 
 import numpy as np
 
 from trackhelpers import angles as _angles
-from trackhelpers.arrays import check_array, check_scale
+from trackhelpers.arrays import check_array, check_covariance, check_scale
+from trackhelpers.hooks import central_differences, dense, evaluate, filled, refuse_overrides
 
 CTRV_STATE = ("x", "y", "v", "θ", "ω")
 
 
 class Sensor:
-    """What all sensors share.
+    """A sensor z = h(x) + v, v of the covariance R.
 
-    A subclass sets `names` (of the measured components) and writes `_h` and the entries of H that are not zero, `_entries`; what these two share it computes
-    in `_share` and takes from `_shared`.
+    A subclass sets `names`, those of all components that it can measure, and writes *hooks*, from which the filters of one target and the ensembles take them
+    alike. For a state x, whose components x[i] are numbers or arrays (...):
+
+    * ``_h(x, parts)``: a row for each component;
+    * ``_H(x, parts)``: entries of ∂h/∂x that are not zero, (row, column) -> value; without it central differences serve;
+    * ``_parts(x)``: what the two share, computed once a step.
 
     Parameters
     ----------
@@ -22,53 +25,82 @@ class Sensor:
         Standard deviations of the noise, one number or one a measured component, SI units and rad.
     state : sequence of str
         Names of the state's components.
+    R : array_like, shape (m, m), optional
+        Covariance of the noise in the place of `sigma`: symmetric positive semidefinite, correlated or not.
+    rows : sequence of str, optional
+        Names of the components that are measured, in this order; all by default. `sigma` and `R` are theirs, or of all components.
+    angles : sequence of int, optional
+        Indices of those among all components that are angles, rad; by default those with the names θ, Φ and ψ.
+
+    Attributes
+    ----------
+    components : tuple of str
+        All that it can measure.
+    names : tuple of str
+        The m components that it does measure.
+    angles : tuple of int
+        Indices of those that are angles, rad.
+    linear : bool
+        Whether h is H x plus a constant.
+
+    Raises
+    ------
+    TypeError
+        When a subclass defines h, H, step, or linearised anew: its hook is meant.
     """
 
     names: tuple[str, ...] = ()
     linear = False
-    _angular = ("ψ",)
-    _kept = None, None  # within `linearised`: x and what h and H share there
 
-    def __init__(self, sigma, state):
-        self.state = tuple(state)
-        values = [sigma] * len(self.names) if np.ndim(sigma) == 0 else list(sigma)
-        if len(values) != len(self.names):
-            raise ValueError(f"sigma: expected one number or {len(self.names)}, for ({', '.join(self.names)}), got {len(values)}")
-        self.sigma = tuple(check_scale(value, "sigma") for value in values)
-        self.R = np.diag(np.square(self.sigma))
+    def __init_subclass__(cls, **kwargs):
+        super().__init_subclass__(**kwargs)
+        refuse_overrides(cls, Sensor, h="_h", H="_H", step="_h or _H", linearised="_h or _H")
+
+    def __init__(self, sigma, state, R=None, rows=None, angles=None):
+        self.state, self.components = tuple(state), tuple(self.names)
+        every = len(self.components)
+        self._wrapping = [i for i, name in enumerate(self.components) if name in _angles.NAMES] if angles is None else list(angles)
+        if any(i not in range(every) for i in self._wrapping):
+            raise ValueError(f"angles: expected indices from 0 to {every - 1}, got {tuple(angles)}")
+        self._taken = self._indices(rows)
+        self._partly = self._taken != tuple(range(every))
+        self.names = tuple(self.components[i] for i in self._taken)
+        self.angles = tuple(k for k, i in enumerate(self._taken) if i in self._wrapping)
+        self.R = self._covariance(sigma, R)
         self.R.setflags(write=False)
+        self.sigma = tuple(np.sqrt(np.diag(self.R)).tolist())
+        self._nought = np.zeros((self.m, len(self.state)))
 
     def __repr__(self):
-        return f"{type(self).__name__}(sigma={self.sigma}, state=({', '.join(self.state)}))"
+        return f"{type(self).__name__}(sigma={self.sigma}, state=({', '.join(self.state)}), names=({', '.join(self.names)}))"
 
     @property
     def m(self):
         """Number of measured components."""
         return len(self.names)
 
-    @cached_property
-    def angles(self):
-        """Indices of the measured components that are angles."""
-        return tuple(i for i, name in enumerate(self.names) if name in self._angular)
+    def at(self, t):
+        """The sensor at the time `t`, s: itself, unless a subclass moves or changes with time."""
+        return self
 
     def h(self, x):
         """Measurement of state x without noise: (n, ...) to (m, ...). ValueError for a first axis that is not n, or a state (n,) not finite."""
-        return np.array(self._h(check_array(x, "x", len(self.state))), dtype=float)
+        x = check_array(x, "x", len(self.state))
+        return filled(evaluate(lambda x: self._rows(x, self._parts(x)), x), self.m, x, "_h")
 
     def H(self, x):
-        """Jacobian ∂h/∂x at x: (n, ...) to (m, n, ...). Errors as for `h`."""
+        """Jacobian ∂h/∂x at x: (n, ...) to (m, n, ...), read-only where it is the same for all runs. Errors as for `h`."""
         x = check_array(x, "x", len(self.state))
-        matrix = np.zeros((self.m, len(self.state), *x.shape[1:]))
-        for index, value in self._entries(x).items():
-            matrix[index] = value
-        return matrix
+        return dense(evaluate(lambda x: self._entries(x, self._parts(x)), x), self._nought, x)
 
-    def entries(self, x):
-        """The entries of H at x that are not zero, (row, column) -> number or array (...): what the ensemble filters multiply with."""
-        return self._entries(check_array(x, "x", len(self.state)))
+    def step(self, x):
+        """h and H in one go: what a filter of one target corrects with. Arguments and errors as for `h`."""
+        x = check_array(x, "x", len(self.state))
+        rows, entries = evaluate(self._hooks, x)
+        return filled(rows, self.m, x, "_h"), dense(entries, self._nought, x)
 
     def linearised(self, x):
-        """`h` and `entries` at x in one go: what they share, such as the range, is computed once. Arguments and errors as for `h`.
+        """h and the entries of H in one go: what the ensemble filters multiply with. Arguments and errors as for `h`.
 
         Returns
         -------
@@ -76,30 +108,70 @@ class Sensor:
         entries : dict (row, column) -> number or array (...)
         """
         x = check_array(x, "x", len(self.state))
-        self._kept = x, self._share(x)
-        try:
-            return self.h(x), self.entries(x)
-        finally:
-            self._kept = None, None
+        rows, entries = self._hooks(x)
+        return filled(rows, self.m, x, "_h"), entries
 
     def residual(self, z, z_hat):
         """z − z_hat with the angles' difference taken the short way round; shapes (m, ...)."""
         return _angles.residual(z, z_hat, self.angles)
+
+    def _indices(self, rows):
+        if rows is None:
+            return tuple(range(len(self.components)))
+        rows = (rows,) if isinstance(rows, str) else tuple(rows)
+        if not rows or len(set(rows)) < len(rows) or not set(rows) <= set(self.components):
+            raise ValueError(f"rows: expected some of {self.components}, each once, got {rows}")
+        return tuple(self.components.index(name) for name in rows)
+
+    def _covariance(self, sigma, R):
+        """R of the rows taken."""
+        every, taken = len(self.components), list(self._taken)
+        if R is not None:
+            size = len(np.atleast_2d(np.asarray(R, dtype=float)))
+            if size == every:
+                return check_covariance(R, "R", every)[np.ix_(taken, taken)]
+            return check_covariance(R, "R", len(taken))
+        values = [sigma] * every if np.ndim(sigma) == 0 else list(sigma)
+        if len(values) == every:
+            values = [values[i] for i in taken]
+        if len(values) != len(taken):
+            raise ValueError(f"sigma: expected one number or {len(taken)}, for ({', '.join(self.names)}), got {len(values)}")
+        return np.diag(np.square([check_scale(value, "sigma") for value in values]))
 
     def _column(self, name):
         if name not in self.state:
             raise ValueError(f"state: {type(self).__name__} needs a component named {name!r}, got {self.state}")
         return self.state.index(name)
 
-    def _shared(self, x):
-        known, parts = self._kept
-        return parts if known is x else self._share(x)
+    def _hooks(self, x):
+        parts = self._parts(x)
+        return self._rows(x, parts), self._entries(x, parts)
 
-    def _share(self, x):
+    def _rows(self, x, parts):
+        """The rows of `_h` that are taken."""
+        rows = self._h(x, parts)
+        return [rows[i] for i in self._taken] if self._partly else rows
+
+    def _entries(self, x, parts):
+        """The entries of `_H` in the rows that are taken."""
+        entries = self._H(x, parts)
+        if not self._partly:
+            return entries
+        place = {i: k for k, i in enumerate(self._taken)}
+        return {(place[i], j): value for (i, j), value in entries.items() if i in place}
+
+    def _parts(self, x):
         return None
 
-    def _h(self, x):
-        raise NotImplementedError
+    def _h(self, x, parts):
+        raise NotImplementedError(f"{type(self).__name__} lacks the hook _h: the rows of h")
 
-    def _entries(self, x):
-        raise NotImplementedError
+    def _H(self, x, parts):
+        return central_differences(lambda x: self._h(x, self._parts(x)), x, self._wrapping)
+
+
+def check_mounting(position, heading, axes):
+    """The mounting as a tuple of numbers and a number: where a sensor stands, m, `axes` of them, and which way it looks, rad."""
+    place = check_array(position, "position", axes, ())
+    turn = check_array(np.atleast_1d(heading), "heading", 1, ())
+    return tuple(place.tolist()), float(turn[0])

@@ -1,49 +1,63 @@
 """Sensors that see polar coordinates: range, bearing, range rate."""
 
+from math import atan2, sqrt
+
 import numpy as np
 
 from trackhelpers import angles as _angles
-from trackhelpers.sensors.base import CTRV_STATE, Sensor
+from trackhelpers.sensors.base import CTRV_STATE, Sensor, check_mounting
 
 
 class RangeBearing(Sensor):
-    """Range ρ and bearing ψ from the origin.
+    """Range ρ and bearing ψ from where the sensor stands.
 
     Parameters
     ----------
-    sigma : float or sequence of two floats
-        Standard deviations of the noise, (m, rad).
-    state : sequence of str
-        Names of the state's components, x and y among them.
+    sigma, state, R, rows
+        As for `Sensor`; sigma in (m, rad). The state holds x and y, and no z, which a sensor in the plane would ignore.
+    position : (float, float)
+        Where the sensor stands, m.
+    heading : float
+        Where its bearing 0 points, rad from +x.
 
     Raises
     ------
     ValueError
-        From `h` and `H` for one target at the origin, where the bearing does not exist; in an ensemble that run gets NaN.
+        From `h` and `H` for one target at the sensor, where the bearing does not exist; in an ensemble that run gets NaN.
     """
 
     names = ("ρ", "ψ")
 
-    def __init__(self, sigma, state=CTRV_STATE):
-        super().__init__(sigma, state)
-        self._position = self._column("x"), self._column("y")
+    def __init__(self, sigma=(1.0, 0.01), state=CTRV_STATE, R=None, rows=None, position=(0.0, 0.0), heading=0.0):
+        super().__init__(sigma, state, R, rows)
+        if "z" in self.state:
+            raise ValueError(f"state: {type(self).__name__} measures in the plane and would ignore the component z, got {self.state}")
+        self._place = self._column("x"), self._column("y")
+        self.position, self.heading = check_mounting(position, heading, 2)
 
-    def _share(self, x):
-        px, py = (x[i] for i in self._position)
-        rho = np.sqrt(px * px + py * py)  # np.hypot is slower by half
-        if not np.all(rho):
-            if x.ndim == 1:
+    def _parts(self, x):
+        px, py = (x[i] - p if p else x[i] for i, p in zip(self._place, self.position, strict=True))
+        square = px * px + py * py  # np.hypot is slower by half
+        if x.ndim == 1:
+            if square == 0:
                 raise ValueError("x: the target stands at the sensor (range 0), where bearing and range rate do not exist")
-            rho = np.where(rho == 0, np.nan, rho)
-        return px, py, rho
+            return px, py, sqrt(square)
+        rho = np.sqrt(square)
+        return px, py, rho if np.all(rho) else np.where(rho == 0, np.nan, rho)
 
-    def _h(self, x):
-        px, py, rho = self._shared(x)
-        return [rho, np.arctan2(py, px)]
+    def _bearing(self, px, py):
+        if type(px) is float:
+            return atan2(py, px) - self.heading
+        bearing = np.arctan2(py, px)
+        return bearing - self.heading if self.heading else bearing
 
-    def _entries(self, x):
-        px, py, rho = self._shared(x)
-        i, j = self._position
+    def _h(self, x, parts):
+        px, py, rho = parts
+        return [rho, self._bearing(px, py)]
+
+    def _H(self, x, parts):
+        px, py, rho = parts
+        i, j = self._place
         return {(0, i): px / rho, (0, j): py / rho, (1, i): -py / rho**2, (1, j): px / rho**2}
 
 
@@ -52,10 +66,8 @@ class Radar(RangeBearing):
 
     Parameters
     ----------
-    sigma : float or sequence of three floats
-        Standard deviations of the noise, (m, rad, m/s).
-    state : sequence of str
-        Names of the state's components: x, y and either v, θ or vx, vy.
+    sigma, state, R, rows, position, heading
+        As for `RangeBearing`; sigma in (m, rad, m/s), and the state holds x, y and either v, θ or vx, vy.
 
     Raises
     ------
@@ -65,29 +77,27 @@ class Radar(RangeBearing):
 
     names = ("ρ", "ψ", "ρ̇")
 
-    def __init__(self, sigma=(0.3, 0.03, 0.3), state=CTRV_STATE):
-        super().__init__(sigma, state)
+    def __init__(self, sigma=(0.3, 0.03, 0.3), state=CTRV_STATE, R=None, rows=None, position=(0.0, 0.0), heading=0.0):
+        super().__init__(sigma, state, R, rows, position, heading)
         self._heading_form = "v" in self.state and "θ" in self.state
         self._velocity = tuple(self._column(name) for name in (("v", "θ") if self._heading_form else ("vx", "vy")))
 
-    def _share(self, x):
-        px, py, rho = super()._share(x)
+    def _parts(self, x):
+        """x, y, ρ, v_x, v_y, and in the heading form cos θ and sin θ."""
+        px, py, rho = super()._parts(x)
         first, second = (x[i] for i in self._velocity)
         if not self._heading_form:
             return px, py, rho, first, second, None, None
         cos, sin = _angles.cos_sin(second)
         return px, py, rho, first * cos, first * sin, cos, sin
 
-    def _parts(self, x):
-        return self._shared(x)[:5]
+    def _h(self, x, parts):
+        px, py, rho, vx, vy, *_ = parts
+        return [rho, self._bearing(px, py), (px * vx + py * vy) / rho]
 
-    def _h(self, x):
-        px, py, rho, vx, vy = self._parts(x)
-        return [rho, np.arctan2(py, px), (px * vx + py * vy) / rho]
-
-    def _entries(self, x):
-        px, py, rho, vx, vy, cos, sin = self._shared(x)
-        i, j = self._position
+    def _H(self, x, parts):
+        px, py, rho, vx, vy, cos, sin = parts
+        i, j = self._place
         k, l = self._velocity
         c, s = px / rho, py / rho
         across = vy * c - vx * s  # ∂ρ̇/∂θ is its negative; over ρ it is the turn rate of the line of sight

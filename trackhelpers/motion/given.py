@@ -3,7 +3,8 @@
 import numpy as np
 
 from trackhelpers.arrays import check_array, check_dt
-from trackhelpers.motion.base import Model
+from trackhelpers.hooks import applied, entries_of
+from trackhelpers.model import Model
 
 
 class LinearModel(Model):
@@ -17,8 +18,8 @@ class LinearModel(Model):
         The step, s, > 0.
     state : sequence of str
         Names of the n components.
-    checked : bool
-        As for `Model`.
+    angles : sequence of int
+        Indices of those that are angles.
 
     Raises
     ------
@@ -28,15 +29,16 @@ class LinearModel(Model):
 
     linear = True
 
-    def __init__(self, F, Q, dt, state, checked=True):
-        self.state = tuple(state)
-        self._F = check_array(F, "F", self.n, (self.n,))
-        if not np.all(np.isfinite(self._F)):
+    def __init__(self, F, Q, dt, state, angles=()):
+        self.state, self.angles = tuple(state), tuple(angles)
+        F = check_array(F, "F", self.n, (self.n,))
+        if not np.all(np.isfinite(F)):
             raise ValueError("F: expected finite numbers")
+        self._transition = entries_of(F, np.eye(self.n))
         self.dt = check_dt(dt)
         if self.dt == 0:
             raise ValueError("dt: expected a step > 0 s, got 0")
-        super().__init__([], Q=Q, checked=checked)
+        super().__init__(Q=Q)
 
     def _arguments(self, x, dt):
         x, dt = super()._arguments(x, dt)
@@ -44,9 +46,8 @@ class LinearModel(Model):
             raise ValueError(f"dt: expected {self.dt} s, for which the matrices were given, got {dt}")
         return x, dt
 
-    def _rows(self, x, dt, arc):
-        return np.einsum("ij,j...->i...", self._F, x)
+    def _f(self, x, dt, parts):
+        return applied(self._transition, x)
 
-    def _jacobian(self, x, dt, arc):
-        difference = self._F - np.eye(self.n)
-        return {(i, j): self._F[i, j] for i, j in zip(*np.nonzero(difference), strict=True)}
+    def _F(self, x, dt, parts):
+        return self._transition

@@ -1,0 +1,138 @@
+from datetime import timedelta
+from fractions import Fraction
+
+import numpy as np
+import pytest
+
+from trackhelpers import arrays
+
+
+@pytest.mark.parametrize(
+    "dt",
+    [
+        -1e-9,
+        np.nan,
+        np.inf,
+        10**400,
+        "1",
+        None,
+        [1, 2],
+        [1.0],
+        True,
+        np.array(True),
+        1j,
+        timedelta(seconds=1),
+        np.timedelta64(1, "s"),
+        np.ma.masked,
+    ],
+)
+def test_only_a_number_is_a_time_step_or_a_scale(dt):
+    with pytest.raises(ValueError, match="dt: expected a finite time step ≥ 0, seconds as a number, got"):
+        arrays.check_dt(dt)
+    with pytest.raises(ValueError, match="sigma: expected a finite number ≥ 0, got"):
+        arrays.check_scale(dt, "sigma")
+
+
+@pytest.mark.parametrize("number", [2, 2.0, np.float32(2), np.int8(2), np.array(2.0), np.ma.array(2.0), Fraction(2)])
+def test_every_kind_of_number_is_a_float_of_the_same_value(number):
+    for value in (arrays.check_dt(number), arrays.check_scale(number, "sigma")):
+        assert type(value) is float and value == 2
+
+
+def test_zero_dt_is_allowed():
+    assert arrays.check_dt(0) == 0.0
+
+
+@pytest.mark.parametrize(
+    ("P", "message"),
+    [
+        (np.eye(3), r"P0: expected shape \(2, 2\), got \(3, 3\)"),
+        ([[1, np.nan], [0, 1]], "finite"),
+        ([[1, 0.5], [0, 1]], "symmetric"),
+        ([[1, 2], [2, 1]], "semidefinite"),
+        ("wide", "covariance"),
+        (np.diag([1e6, -1e-4]), "semidefinite.*variance of -0.0001"),  # whatever the units of the other component
+        ([[1e12, 1e-3], [1e-3, 0]], "no variance"),
+        ([[1e12, 1.001], [1.001, 1e-12]], "eigenvalue -0.001"),
+        (1j * np.eye(2), "covariance"),
+        (np.ma.array(np.eye(2), mask=np.eye(2)), "P0.*masked"),
+    ],
+)
+def test_check_covariance_says_what_is_wrong(P, message):
+    with pytest.raises(ValueError, match=message):
+        arrays.check_covariance(P, "P0", 2)
+
+
+def test_check_covariance_admits_semidefinite_and_unchecked_matrices():
+    assert np.array_equal(arrays.check_covariance(np.zeros((2, 2)), "P0", 2), np.zeros((2, 2)))
+    arrays.check_covariance([[1, 0.5], [0, 1]], "Q", 2, checked=False)
+    with pytest.raises(ValueError, match="definite"):
+        arrays.check_covariance(np.zeros((2, 2)), "P0", 2, definite=True)
+
+
+def test_check_array_wants_finite_vectors_but_lets_a_diverged_run_pass():
+    with pytest.raises(ValueError, match="x: expected finite"):
+        arrays.check_array([1, np.nan], "x", 2)
+    assert np.isnan(arrays.check_array([[1, np.nan], [0, 0]], "x", 2)[0, 1])
+
+
+def test_a_vector_of_large_numbers_is_finite():
+    x = np.full(2, 1e200)  # whose squares are not
+    assert arrays.check_array(x, "x", 2) is x
+
+
+@pytest.mark.parametrize("definite", [False, True])
+def test_a_covariance_is_one_in_all_units(definite):
+    """Correlations at the edge of what is allowed get the same verdict whatever the standard deviations."""
+    for excess in (-1e-3, -1e-6, 1e-6, 1e-3):
+        for units in ([1, 1], [1e6, 1e-6], [1e-9, 1e3]):
+            P = np.outer(units, units) * [[1, 1 + excess], [1 + excess, 1]]
+            for value, runs in ((P, None), (np.repeat(P[..., None], 3, axis=2), 3)):
+                if excess < 0:
+                    assert np.array_equal(arrays.check_covariance(value, "P", 2, runs, definite), value)
+                else:
+                    with pytest.raises(ValueError, match="definite"):
+                        arrays.check_covariance(value, "P", 2, runs, definite)
+
+
+def test_one_run_that_is_no_covariance_is_found_among_many():
+    P = np.repeat(np.eye(2)[..., None], 4, axis=2)
+    P[0, 1, 2] = P[1, 0, 2] = 1  # semidefinite
+    assert np.array_equal(arrays.check_covariance(P, "P", 2, 4), P)
+    P[0, 1, 2] = P[1, 0, 2] = 2
+    with pytest.raises(ValueError, match="eigenvalue -1"):
+        arrays.check_covariance(P, "P", 2, 4)
+
+
+def test_a_checked_covariance_is_a_copy():
+    P = np.eye(2)
+    assert not np.shares_memory(arrays.check_covariance(P, "P", 2), P)
+
+
+@pytest.mark.parametrize(
+    "value",
+    [
+        np.ma.array([1, -999.0], mask=[False, True]),
+        [1.0, np.ma.masked],
+        [np.ma.array([1, -999.0], mask=[False, True]), [1, 2]],
+        [1, 2j],
+        np.array([1, 2j], dtype=object),
+        ["1", "2"],
+        np.array(["1", 2], dtype=object),
+        np.array([1, 2], dtype="m8[s]"),
+        [[1, 2], [3]],
+    ],
+)
+def test_check_array_takes_nothing_for_something_else(value):
+    with pytest.raises(ValueError, match="z: expected numbers"):
+        arrays.check_array(value, "z", 2)
+
+
+def test_an_array_without_a_masked_entry_is_data():
+    assert np.array_equal(arrays.check_array(np.ma.array([1, 2]), "z", 2), [1, 2])
+
+
+def test_check_array_of_any_length_still_wants_a_first_axis():
+    assert arrays.check_array([1, 2, 3], "x", None).shape == (3,)
+    with pytest.raises(ValueError, match=r"x: expected shape \(n, ...\).*got \(\)"):
+        arrays.check_array(1.0, "x", None)

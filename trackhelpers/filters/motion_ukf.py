@@ -1,0 +1,147 @@
+"""The unscented Kalman filter on any model."""
+
+import warnings
+
+import numpy as np
+from filterpy.kalman import MerweScaledSigmaPoints, UnscentedKalmanFilter
+
+from trackhelpers import angles as _angles
+from trackhelpers.arrays import check_dt
+from trackhelpers.filters.base import atomic, refused
+from trackhelpers.filters.on_model import REFUSED, OnModel, singular
+
+
+class SigmaPoints(MerweScaledSigmaPoints):
+    """filterpy's scaled sigma points of van der Merwe, drawn in one go."""
+
+    def sigma_points(self, x, P):
+        """Points (2n + 1, n) about x (n,) with covariance P (n, n)."""
+        root = np.sqrt(self.alpha**2 * (self.n + self.kappa)) * upper_root(P)
+        points = np.empty((2 * self.n + 1, self.n))
+        points[0], points[1 : self.n + 1], points[self.n + 1 :] = x, x + root, x - root
+        return points
+
+
+@refused(**REFUSED)
+class MotionUKF(OnModel, UnscentedKalmanFilter):
+    """filterpy's UnscentedKalmanFilter on any model and any sensors.
+
+    Sigma points are drawn anew before every update, so several sensors may follow one prediction, and a covariance that is only semidefinite (P0 = 0, say)
+    is taken by an eigenvalue square root where the Cholesky factorisation fails. Their angles are not wrapped, for the model's f is smooth in them; the mean is.
+
+    Parameters
+    ----------
+    model : trackhelpers.model.Model
+        Any model.
+    x0 : array_like, shape (n,)
+        Initial estimate, SI units and rad.
+    P0 : array_like, shape (n, n)
+        Its covariance, symmetric positive semidefinite.
+    alpha, beta, kappa : float
+        Parameters of the scaled sigma points of van der Merwe.
+
+    Raises
+    ------
+    ValueError
+        Arguments of the wrong shape, not finite, or not a covariance; sigma points whose spread n + λ is not positive; an angle whose standard deviation exceeds π,
+        so that it is not known at all and no Gaussian tells anything of it. Where a filter comes to that later it warns.
+    """
+
+    def __init__(self, model, x0, P0, alpha=1.0, beta=2.0, kappa=0.0):
+        check_sigma_points(model.n, alpha, beta, kappa)
+        super().__init__(dim_x=model.n, dim_z=1, dt=0.0, hx=None, fx=model.f, points=SigmaPoints(model.n, alpha, beta, kappa))
+        self._start(model, x0, P0)
+        check_known(self.P, model, "P0")
+        self._drawn = None, None  # x and P of the last sigma points
+
+    @atomic
+    def predict(self, dt):
+        """Predict over `dt` seconds, dt ≥ 0."""
+        dt = check_dt(dt)
+        self.Q = self.model.Q(self.x, dt)  # at the old x
+        super().predict(dt=dt, UT=self._moments_of_state)
+        self._drawn = self.x_prior, self.P_prior
+        warn_unknown(self.P, self.model)
+
+    def compute_process_sigmas(self, dt, fx=None, **fx_args):
+        """Draw the sigma points and take all of them through the model at once; called by filterpy's `predict`."""
+        drawn = self.points_fn.sigma_points(self.x, self.P)
+        self.sigmas_f = self.model.f(drawn.T, dt).T
+        self.sigmas_before = drawn
+
+    def _moments_of_state(self, sigmas, Wm, Wc, noise, mean_fn, residual_fn):
+        mean = Wm @ sigmas
+        deviation = sigmas - mean
+        self.cross = (
+            Wc[:, None] * (self.sigmas_before - self.x)
+        ).T @ deviation  # covariance of the state before and after the step, for smoothing
+        return self.model._normalise(mean), (Wc[:, None] * deviation).T @ deviation + noise
+
+    @atomic
+    def update(self, z, sensor=None, R=None):
+        """Correct by measurement `z`, shape (m,), of `sensor`; `R` (m, m) replaces the sensor's this time. None leaves the prediction."""
+        if z is None:
+            self._no_measurement()
+            return
+        z, R = self._measurement(z, sensor, R)
+        if not (np.array_equal(self.x, self._drawn[0]) and np.array_equal(self.P, self._drawn[1])):
+            self.sigmas_f = self.points_fn.sigma_points(self.x, self.P)
+            self._drawn = self.x.copy(), self.P.copy()
+        seen = iter(sensor.h(self.sigmas_f.T).T)  # of all points at once; filterpy asks for one after the other
+        self._dim_z, self.R, self._sensor, self.residual_z = sensor.m, R, sensor, sensor.residual
+        try:
+            super().update(z, UT=self._moments_of_measurement, hx=lambda point: next(seen))
+        except np.linalg.LinAlgError as error:
+            raise singular(error, R) from None
+        self._normalise_posterior()
+        warn_unknown(self.P, self.model)
+
+    def _moments_of_measurement(self, sigmas, Wm, Wc, noise, mean_fn, residual_fn):
+        angular = self._sensor.angles
+        mean = _angles.mean(sigmas.T, Wm, angular) if angular else Wm @ sigmas
+        self._deviation = self._sensor.residual(sigmas.T, mean[:, None])
+        return mean, (Wc * self._deviation) @ self._deviation.T + noise
+
+    def cross_variance(self, x, z, sigmas_f, sigmas_h):
+        """Covariance (n, m) of state and measurement, called by filterpy's `update`."""
+        return (self.Wc[:, None] * (sigmas_f - x)).T @ self._deviation.T
+
+
+def check_sigma_points(n, alpha, beta, kappa):
+    """The squared spread alpha² (n + kappa) of the sigma points; ValueError unless it is positive."""
+    spread = alpha**2 * (n + kappa)
+    if not (np.isfinite(spread) and spread > 0 and np.isfinite(beta)):
+        raise ValueError(f"alpha, beta, kappa: expected finite numbers with alpha²(n + kappa) > 0, got {alpha}, {beta}, {kappa}")
+    return spread
+
+
+def _unknown(P, model):
+    """The model's angles whose standard deviation exceeds π, in any run."""
+    return [model.state[i] for i in model.angles if np.any(P[i, i] > np.pi**2)]
+
+
+def check_known(P, model, name):
+    """ValueError where an angle's standard deviation exceeds π: it is not known at all, and sigma points would lie several turns away."""
+    if names := _unknown(P, model):
+        raise ValueError(
+            f"{name}: expected standard deviations up to π of angles, got {', '.join(names)} wider; start from a first bearing or a few positions"
+        )
+
+
+def warn_unknown(P, model):
+    """As `check_known`, but a RuntimeWarning: a filter that lost its heading may find it again."""
+    if names := _unknown(P, model):
+        warnings.warn(
+            f"the standard deviation of {', '.join(names)} exceeds π: no Gaussian filter tells anything of it", RuntimeWarning, stacklevel=4
+        )
+
+
+def upper_root(P):
+    """U with UᵀU = P, whose rows displace the sigma points: Cholesky's factor, or an eigenvalue root where P is only semidefinite."""
+    try:
+        return np.linalg.cholesky(P).T
+    except np.linalg.LinAlgError:
+        values, vectors = np.linalg.eigh(P)
+        if values[0] < -1e-9 * max(values[-1], 0.0) or not np.all(np.isfinite(P)):
+            raise ValueError(f"P: expected a positive semidefinite covariance, got smallest eigenvalue {values[0]:.3g}") from None
+        return np.sqrt(np.maximum(values, 0))[:, None] * vectors.T
