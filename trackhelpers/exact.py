@@ -248,7 +248,7 @@ def _size(value, name):
 def _by_step(value, name, shape, steps, covariance=False):
     """A constant matrix, or one a step, as an array (steps, *shape)."""
     listed = isinstance(value, (list, tuple)) and len(value) > 0 and np.ndim(value[0]) == 2
-    matrix = _finite(np.asarray(value, dtype=float), name)
+    matrix = _finite(check_array(value, name, None), name)
     matrix = np.moveaxis(matrix, -1, 0) if matrix.ndim == 3 and not listed else matrix
     if matrix.shape not in (shape, (steps, *shape)):
         raise ValueError(f"{name}: expected shape {shape}, or {steps} of them, got {np.shape(value)}")
