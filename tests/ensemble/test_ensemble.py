@@ -182,7 +182,6 @@ def test_bad_input_raises_and_leaves_the_ensemble_as_it_was(Ensemble, call, name
         (lambda: EnsembleEKF(CTRV(), np.zeros((5, 2)), -np.eye(5)), "P0"),
         (lambda: EnsembleKF(CTRV(), np.zeros((5, 2)), np.eye(5)), "model"),
         (lambda: EnsembleUKF(CTRV(), np.zeros((5, 2)), np.eye(5), alpha=0), "alpha"),
-        (lambda: exact_error(CV(), Position(1.0, CV().state), np.zeros(4), 1.0, np.zeros(4), np.eye(4)), "truth"),
     ],
 )
 def test_bad_start_is_named(call, name):

@@ -5,8 +5,7 @@ import pytest
 
 from trackhelpers.filters import AugmentedBiasKF
 from trackhelpers.scenarios.augmented_bias import analysis, contenders, target
-from trackhelpers.scenarios.augmented_bias.contenders import GAMMA, F, H, Q
-from trackhelpers.scenarios.augmented_bias.exact import exact_errors, gains
+from trackhelpers.scenarios.augmented_bias.contenders import GAMMA, F, H, Q, exact_errors, gains
 from trackhelpers.scenarios.augmented_bias.target import P0, R
 
 TRACK = target.truth()[:, :301]

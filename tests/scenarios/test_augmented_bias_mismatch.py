@@ -2,9 +2,10 @@ import numpy as np
 import pytest
 from scipy.linalg import solve_discrete_are, solve_discrete_lyapunov
 
+from trackhelpers import exact
+from trackhelpers.exact import alpha_beta, steady_lag
 from trackhelpers.scenarios.augmented_bias import mismatch as lab
-from trackhelpers.scenarios.augmented_bias.contenders import F, Q, plain
-from trackhelpers.scenarios.augmented_bias.exact import alpha_beta, exact_errors, steady_lag
+from trackhelpers.scenarios.augmented_bias.contenders import F, Q, exact_errors, plain
 from trackhelpers.scenarios.augmented_bias.target import R, correlated, track_of, truth
 
 INDEX = float(np.sqrt(0.01 / 3.0))
@@ -45,16 +46,15 @@ def test_regression_leaves_nothing_that_the_data_explain():
 def test_regression_over_all_outcomes_is_the_kalman_filter():
     system = lab.random_system(np.random.default_rng(2), steps=2, n=2, m=2)
     X, Z, _ = lab.outcomes(system)
-    x, P = system.mean[:, None], system.P0
+    known, x = exact.gains(*(list(matrix) for matrix in system[:4]), system.P0, len(Z)), system.mean[:, None]
     for k, (prior, P_prior, K, posterior, P_post) in enumerate(lab.by_regression(X, Z)):
-        x, P = system.F[k] @ x, system.F[k] @ P @ system.F[k].T + system.Q[k]
+        x = system.F[k] @ x
         np.testing.assert_allclose(prior, np.broadcast_to(x, prior.shape), atol=1e-10)
-        np.testing.assert_allclose(P_prior, P, atol=1e-10)
-        gain = np.linalg.solve(system.H[k] @ P @ system.H[k].T + system.R[k], system.H[k] @ P).T
-        np.testing.assert_allclose(K, gain, atol=1e-10)
-        x, P = x + gain @ (Z[k] - system.H[k] @ x), P - gain @ system.H[k] @ P
+        np.testing.assert_allclose(P_prior, known.prior[..., k], atol=1e-10)
+        np.testing.assert_allclose(K, known.K[..., k], atol=1e-10)
+        x = x + K @ (Z[k] - system.H[k] @ x)
         np.testing.assert_allclose(posterior, x, atol=1e-10)
-        np.testing.assert_allclose(P_post, P, atol=1e-10)
+        np.testing.assert_allclose(P_post, known.P[..., k + 1], atol=1e-10)
 
 
 @pytest.mark.parametrize("case", CASES)

@@ -5,10 +5,11 @@ import pytest
 from scipy import stats
 
 from trackhelpers.filters import MotionKF
+from trackhelpers.forensics import ca_search
+from trackhelpers.forensics.ca_search import family, respond
 from trackhelpers.motion import CA
 from trackhelpers.published import published
-from trackhelpers.scenarios.thesis import ca_search, ca_source
-from trackhelpers.scenarios.thesis.ca_search import family, respond
+from trackhelpers.scenarios.thesis import ca_source
 from trackhelpers.sensors import Position
 
 Q = 0.25 * np.eye(3)

@@ -5,10 +5,12 @@ import pytest
 
 from trackhelpers.ensemble import EnsembleEKF, monte_carlo
 from trackhelpers.filters import MotionEKF
+from trackhelpers.forensics import lidar_radar_inverse, lidar_radar_truth
+from trackhelpers.forensics.printed_ctrv import PrintedCTRV
+from trackhelpers.forensics.printed_radar import LinearisedRadar, PrintedRadar, UnpredictedEKF
+from trackhelpers.forensics.program import EnsembleProgramEKF, ProgramEKF
 from trackhelpers.motion import CTRV
-from trackhelpers.scenarios.thesis import lidar_radar, lidar_radar_inverse, lidar_radar_runs, lidar_radar_truth, public_log
-from trackhelpers.scenarios.thesis.errata import PrintedCTRV
-from trackhelpers.scenarios.thesis.printed_radar import LinearisedRadar, PrintedRadar, UnpredictedEKF
+from trackhelpers.scenarios.thesis import lidar_radar, lidar_radar_runs
 from trackhelpers.sensors import Lidar, Radar
 from trackhelpers.tables import error_table
 
@@ -155,16 +157,16 @@ def test_printed_range_rate_and_jacobian_lose_every_run_and_the_right_ones_none(
 def test_ensemble_of_the_program_is_the_program_for_each_run():
     model = PrintedCTRV(2.0, 0.3, errors=["3.11"])
     zs = lidar_radar.measurements(generators(2), track=lidar_radar.truth(30))
-    together = lidar_radar.estimates(lidar_radar.start(lidar_radar_inverse.EnsembleProgramEKF, zs[0], model), zs)
+    together = lidar_radar.estimates(lidar_radar.start(EnsembleProgramEKF, zs[0], model), zs)
     single = [z[:, 1] for z in zs]
-    alone = lidar_radar.estimates(lidar_radar.start(public_log.ProgramEKF, single[0], model), single)
+    alone = lidar_radar.estimates(lidar_radar.start(ProgramEKF, single[0], model), single)
     # at dt = 0 the program's Q is zero in both, its F is not the identity
     np.testing.assert_allclose(together[..., 1], alone, rtol=1e-8, atol=1e-10)
 
 
 def test_the_noise_found_gives_the_printed_filter_columns_back_only_when_the_first_point_is_used_twice():
     model = PrintedCTRV(2.0, 0.3, errors=["3.11"])
-    displaced, program = lidar_radar_inverse.displaced_by(0.25), lidar_radar_inverse.EnsembleProgramEKF
+    displaced, program = lidar_radar_inverse.displaced_by(0.25), EnsembleProgramEKF
     fit = lidar_radar_inverse.fit_noise(displaced, program, model)
     assert fit.largest <= 1
     printed = lidar_radar_truth.printed_estimates()

@@ -6,12 +6,14 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from trackhelpers import datasets
+from trackhelpers.forensics.printed_ctrv import PrintedCTRV
+from trackhelpers.forensics.printed_radar import PrintedRadar
+from trackhelpers.forensics.program import ProgramEKF, window_deviations
 from trackhelpers.motion import CTRV
 from trackhelpers.published import last_digit, published
-from trackhelpers.scenarios.thesis.errata import PrintedCTRV
+from trackhelpers.published.thesis_chapter_3 import covariance_316
 from trackhelpers.scenarios.thesis.lidar_radar import T
-from trackhelpers.scenarios.thesis.printed_radar import PrintedRadar
-from trackhelpers.scenarios.thesis.public_log import ROWS, ProgramEKF, track, truth, velocity_errors, window_deviations
+from trackhelpers.scenarios.thesis.public_log import ROWS, track, truth, velocity_errors
 
 AS_PROGRAMMED = {"filter": ProgramEKF, "model": PrintedCTRV(2.0, 0.3, errors=["3.11"])}
 
@@ -74,7 +76,7 @@ def test_the_printed_range_rate_and_the_printed_noise_are_not_those_of_table_5(l
     printed, half = cells()
     for change in (
         {"radar": PrintedRadar(jacobian="own")},
-        {"model": PrintedCTRV(2.0, 0.3, errors=["3.11", "3.16"])},
+        {"filter": partial(ProgramEKF, Q=partial(covariance_316, sigma_a=2.0, sigma_w=0.3))},
         {"first_again": False},
     ):
         deviation = np.abs(track(log[: ROWS.stop], **AS_PROGRAMMED | change).x[:, ROWS].T - printed)

@@ -7,11 +7,13 @@ matrices by handing each rule the unit vectors for estimates; what a rule truly 
 from typing import NamedTuple
 
 import numpy as np
-from scipy.linalg import block_diag, solve_discrete_are, solve_discrete_lyapunov
+from scipy.linalg import block_diag
 from scipy.optimize import brentq
 
 from trackhelpers.arrays import check_covariance, check_scale, inverse
 from trackhelpers.ensemble import monte_carlo
+from trackhelpers.exact import steady_errors
+from trackhelpers.exact import steady_state as riccati
 from trackhelpers.fusion import bar_shalom_campo, convex_combination, covariance_intersection
 from trackhelpers.scenarios.track_fusion import Fused, exact_errors, expected_nees, rms, run, simulate
 
@@ -171,18 +173,13 @@ def steady_state(F, Q, H, R1, R2, Q_true=None, d=None):
     F, H = np.asarray(F, dtype=float), np.atleast_2d(np.asarray(H, dtype=float))
     n, R1, R2 = len(F), check_covariance(R1, "R1", len(H), definite=True), check_covariance(R2, "R2", len(H), definite=True)
     Q, both, R = check_covariance(Q, "Q", n), np.vstack([H, H]), block_diag(R1, R2)
-    gains = tuple(_settled_gain(F, Q, rows, noise) for rows, noise in ((H, R1), (H, R2), (both, R)))
-    left = [np.eye(n) - K @ rows for K, rows in zip(gains, (H, H, both), strict=True)]
-    A, D, B = block_diag(*[part @ F for part in left]), np.vstack(left), np.vstack([block_diag(*gains[:2]), gains[2]])
-    joint = solve_discrete_lyapunov(A, D @ (Q if Q_true is None else Q_true) @ D.T + B @ R @ B.T, method="direct")
+    settled = [riccati(F, rows, Q, noise) for rows, noise in ((H, R1), (H, R2), (both, R))]
+    gains, E = tuple(each.K for each in settled), np.tile(np.eye(n), (3, 1))
+    A, K = block_diag(*(each.A for each in settled)), np.vstack([block_diag(*gains[:2]), gains[2]])
+    Q_true, d = Q if Q_true is None else Q_true, np.zeros(n) if d is None else d
+    bias, joint = steady_errors(np.kron(np.eye(3), F), A, K, R, E @ d, E @ Q_true @ E.T)
     block = joint.reshape(3, n, 3, n).swapaxes(1, 2)
-    bias = np.zeros(3 * n) if d is None else -np.linalg.solve(np.eye(3 * n) - A, D @ d)
     return Steady(block[0, 0], block[1, 1], block[0, 1], block[2, 2], bias.reshape(3, n), gains)
-
-
-def _settled_gain(F, Q, H, R):
-    P = solve_discrete_are(F.T, H.T, Q, R)
-    return np.linalg.solve(H @ P @ H.T + R, H @ P).T
 
 
 def axis_errors(ratio, index, truth="matched", acceleration=0.0):

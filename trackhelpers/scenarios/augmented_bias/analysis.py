@@ -5,6 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy import stats
 
+from trackhelpers import exact
 from trackhelpers.arrays import check_array, check_covariance
 from trackhelpers.ensemble import EnsembleKF
 from trackhelpers.filters.matrices import MatrixKF
@@ -112,12 +113,8 @@ class TwoStageKF(MatrixKF):
 
 def mean_error(K, linear, track):
     """Mean error (4, N + 1) on a fixed track of x̂_k = F x̂_{k−1} + K_k (z_k − H F x̂_{k−1}), for given gains K (4, 2, N) and F and H of the plain `linear`."""
-    F, H = linear.F, linear.H
-    errors = [np.zeros(4)]
-    for k in range(1, track.shape[1]):
-        missed = F @ (errors[-1] + track[:, k - 1]) - track[:, k]
-        errors.append(missed - K[..., k - 1] @ (H @ missed))
-    return np.stack(errors, axis=-1)
+    A = np.eye(4)[..., None] - np.einsum("ijk,jl->ilk", K, linear.H)
+    return exact.errors(linear.F, A, K, R, track[:, 1:] - linear.F @ track[:, :-1])[0]
 
 
 def innovations(contender, x0, z):
@@ -190,4 +187,4 @@ def fading_of_estimate(P, linear, F, Q):
 
 def gains_from(predicted):
     """Kalman gains (4, 2, N) of the plain filter's H and R for given predicted covariances, N of shape (4, 4)."""
-    return np.stack([np.linalg.solve(H @ P @ H.T + R, H @ P).T for P in predicted], axis=-1)
+    return np.stack([exact.gain(P, H, R)[1] for P in predicted], axis=-1)

@@ -10,6 +10,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from trackhelpers import exact
+from trackhelpers.arrays import congruence
 from trackhelpers.consistency import nis
 from trackhelpers.ensemble import EnsembleKF
 from trackhelpers.ensemble.adaptive import EnsembleInputEstimationKF, EnsembleStrongTrackingKF, EnsembleVarianceInflationKF
@@ -131,6 +133,34 @@ class Adaptive(_Contender):
             ens.update(z[:, k])
             x, P = (ens.estimate, ens.estimate_P) if mixed else (ens.x, ens.P)
             yield Step(x, P, nis(y, S) if mixed else nis(ens.y, ens.S))
+
+
+def gains(linear, steps):
+    """Gains (n, m, steps) and posterior covariances (n, n, steps + 1) of a `Linear` contender: they know no measurement."""
+    known = exact.gains(linear.F, linear.H, linear.Q, R, linear.P0, steps)
+    return known.K, known.P
+
+
+def exact_errors(linear, track):
+    """Mean and covariance of a `Linear` contender's error on a fixed track, by recursion.
+
+    Parameters
+    ----------
+    linear : Linear
+    track : array_like, shape (4, N + 1)
+        True positions and velocities; measured from sample 1 on with the covariance R, the start drawn about sample 0.
+
+    Returns
+    -------
+    bias : numpy.ndarray, shape (4, N + 1)
+    covariance, believed : numpy.ndarray, shape (4, 4, N + 1)
+        True covariance of the error, and the filter's own.
+    """
+    F, L = linear.F, linear.to_estimate
+    state = linear.from_start @ track  # a state that is measured as the track is; what else the filter's state holds is 0 there
+    known = exact.gains(F, linear.H, linear.Q, R, linear.P0, state.shape[1] - 1)
+    bias, C = exact.errors(F, known.A, known.K, R, state[:, 1:] - F @ state[:, :-1], covariance0=linear.P0)
+    return L @ (bias + state) - track, *(congruence(L[..., None], P) for P in (C, known.P))
 
 
 def plain():

@@ -14,7 +14,7 @@ from trackhelpers.arrays import check_scale
 from trackhelpers.consistency import nees
 from trackhelpers.ensemble import standard_normal
 from trackhelpers.intervals import Interval, ratio_interval
-from trackhelpers.scenarios.augmented_bias.exact import exact_errors
+from trackhelpers.scenarios.augmented_bias.contenders import exact_errors
 from trackhelpers.scenarios.augmented_bias.target import COMPONENTS, P0, START, R, T, simulate
 
 STEPS, BEGIN, END = 180, 60, 120

@@ -10,10 +10,9 @@ from typing import NamedTuple
 import numpy as np
 from scipy import linalg, stats
 
-from trackhelpers.consistency import nees, nis
+from trackhelpers.consistency import nees
 from trackhelpers.ensemble import monte_carlo
-from trackhelpers.scenarios.augmented_bias.contenders import F, H, plain
-from trackhelpers.scenarios.augmented_bias.exact import exact_errors
+from trackhelpers.scenarios.augmented_bias.contenders import F, H, exact_errors, plain
 from trackhelpers.scenarios.augmented_bias.target import PERIOD, STEPS, SWING, R, T, accelerations, simulate
 
 
@@ -212,12 +211,10 @@ def sampled(track, runs=1000, seed=2018):
 
     def task(rngs):
         x, z = simulate(rngs, track)
-        P, rows = linear.P0, []
-        for k, (new, covariance) in enumerate(linear.follow(x, z)):
-            y = z[:, k] - H @ F @ x
-            S = H @ (F @ P @ F.T + linear.Q) @ H.T + R
-            rows.append((new - track[:, k + 1, None], y, nis(y, S), nees(track[:, k + 1], new, covariance)))
-            x, P = new, covariance
+        rows = []
+        for k, step in enumerate(linear.steps(x, z)):
+            rows.append((step.x - track[:, k + 1, None], z[:, k] - H @ F @ x, step.nis, nees(track[:, k + 1], step.x, step.P)))
+            x = step.x
         return {name: np.stack(part, axis=-2) for name, part in zip(Runs._fields, zip(*rows, strict=True), strict=True)}
 
     return Runs(**monte_carlo(task, runs, seed, reduce=dict.fromkeys(Runs._fields, "concat")))

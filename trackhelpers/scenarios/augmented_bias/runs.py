@@ -110,3 +110,24 @@ def compared(numerator, denominator, segment, components, part="settled", agains
     places = (numerator, segment), (denominator, segment if against is None else against)
     sums = [score.part(where, part)[chosen].sum(axis=0) for score, where in places]
     return tuple(float(np.sqrt(value)) for value in ratio_interval(*sums))
+
+
+def settling_time(bias, limit, change, end):
+    """Samples after `change` until |bias| stays at or below `limit` up to `end`.
+
+    Parameters
+    ----------
+    bias : array_like, shape (N,)
+        Mean error of one component.
+    limit : float
+        Bound, in the unit of the error.
+    change, end : int
+        First sample of the segment, and last.
+
+    Returns
+    -------
+    int
+        0 if it never leaves the bound; end − change + 1 if it does not settle.
+    """
+    outside = np.flatnonzero(np.abs(np.asarray(bias)[change : end + 1]) > limit)
+    return int(outside[-1]) + 1 if len(outside) else 0

@@ -7,8 +7,7 @@ import numpy as np
 import pandas as pd
 
 from trackhelpers.scenarios.augmented_bias import contenders as c
-from trackhelpers.scenarios.augmented_bias.exact import exact_errors, settling_time
-from trackhelpers.scenarios.augmented_bias.runs import compared, score
+from trackhelpers.scenarios.augmented_bias.runs import compared, score, settling_time
 from trackhelpers.scenarios.augmented_bias.target import COMPONENTS, SEGMENTS, STEPS, simulate, truth
 
 PAPERS = ("SKF", "STKF β=4, one", "ABMA 0.01, 0.01")  # the paper's three, in its Figures 1 to 4
@@ -93,9 +92,13 @@ def table(scores, window, what="rmse"):
 
 def exact_rms(linear, track, window):
     """Exact root mean square over a slice of samples of a filter's bias, of its scatter, and of both together: three times (4,)."""
-    bias, covariance, _ = exact_errors(linear, track)
-    squares = np.square(bias)[:, window].mean(axis=1), np.einsum("iik->ik", covariance)[:, window].mean(axis=1)
+    squares = [part[:, window].mean(axis=1) for part in _exact_squares(linear, track)]
     return np.sqrt(squares[0]), np.sqrt(squares[1]), np.sqrt(squares[0] + squares[1])
+
+
+def _exact_squares(linear, track):
+    bias, covariance, _ = c.exact_errors(linear, track)
+    return np.square(bias), np.einsum("iik->ik", covariance)
 
 
 def settling(linear, track):
@@ -104,7 +107,7 @@ def settling(linear, track):
     Settled is a mean error within one standard deviation of the noise in the same estimate about its last value in the segment: what is left there, a lag, is not a
     matter of waiting. NaN where an axis goes on as before, or where its acceleration varies, so that there is nothing to settle to.
     """
-    bias, covariance, _ = exact_errors(linear, track)
+    bias, covariance, _ = c.exact_errors(linear, track)
     deviation = np.sqrt(np.einsum("iik->ik", covariance))
     found = np.full((len(SEGMENTS) - 1, 4), np.nan)
     for row, (before, segment) in enumerate(pairwise(SEGMENTS)):
@@ -180,7 +183,8 @@ def trade_off(family, settings, track):
         Root mean square errors of x and vx, m and m/s.
     """
     windows = [getattr(SEGMENTS[i], part) for i, part in TRADE.values()]
-    return np.array([[exact_rms(family(setting), track, window)[2][:2] for window in windows] for setting in settings])
+    squares = (sum(_exact_squares(family(setting), track))[:2] for setting in settings)
+    return np.sqrt([[each[:, window].mean(axis=1) for window in windows] for each in squares])
 
 
 def sampled_trade_off(contenders, runs, seed):

@@ -1,1 +1,1 @@
-"""The thesis's experiments: truth, measurements, and its equations as printed."""
+"""The thesis's experiments: truth and measurements, and equations held against each other."""

@@ -9,7 +9,8 @@ from typing import NamedTuple
 import numpy as np
 from scipy import stats
 
-from trackhelpers.arrays import check_array, check_covariance, congruence, inverse, matvec, symmetrised
+from trackhelpers.arrays import check_array, matvec
+from trackhelpers.exact import gains
 
 
 class Covariances(NamedTuple):
@@ -53,18 +54,9 @@ def covariances(A, H, Q, R, P0, steps, joseph=True):
         For shapes that do not fit, a Q, R or P0 that is no covariance, ``steps`` below 1, and a singular H P⁻ Hᵀ + R.
     """
     A, H = _system(A, H)
-    Q, R, P = check_covariance(Q, "Q", len(A)), check_covariance(R, "R", len(H)), check_covariance(P0, "P0", len(A))
-    rows = []
-    for _ in range(_whole(steps, "steps")):
-        prior = symmetrised(congruence(A, P)) + Q  # (2.10)
-        S = symmetrised(congruence(H, prior)) + R
-        K = prior @ H.T @ inverse(S)  # (2.11)
-        if not np.all(np.isfinite(K)):
-            raise ValueError(f"R: expected H P⁻ Hᵀ + R to be positive definite, got {S.tolist()}")
-        kept = np.eye(len(A)) - K @ H
-        P = symmetrised(congruence(kept, prior) + congruence(K, R) if joseph else kept @ prior)  # (2.13)
-        rows.append((prior, S, K, P))
-    return Covariances(*map(np.array, zip(*rows, strict=True)))
+    known = gains(A, H, Q, R, P0, _whole(steps, "steps"), joseph)
+    prior, S, K, posterior = (np.moveaxis(each, -1, 0) for each in (known.prior, known.S, known.K, known.P))
+    return Covariances(prior, S, K, posterior[1:])
 
 
 def simulate(A, H, x0, w, v, Bu=None):

@@ -7,11 +7,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from trackhelpers import angles
-from trackhelpers.arrays import check_dt, congruence, mahalanobis
+from trackhelpers.arrays import mahalanobis
 from trackhelpers.filters import MotionEKF
 from trackhelpers.motion import CTRV
-from trackhelpers.scenarios.thesis.lidar_radar import SIGMA_A, SIGMA_W, T, components
+from trackhelpers.scenarios.thesis.lidar_radar import SIGMA_A, SIGMA_W, components
 from trackhelpers.sensors import Lidar, Radar
 
 ROWS = slice(18, 27)  # of the 500 samples, those that Table 5 prints: t = 0.90 … 1.30 s
@@ -24,39 +23,6 @@ class Track(NamedTuple):
     P: np.ndarray  # (n, n, N) its covariance
     y: np.ndarray  # (3, N) innovation, NaN where there is none
     nis: np.ndarray  # (N,) normalised innovation squared, NaN where nothing was measured
-
-
-class ProgramEKF(MotionEKF):
-    """The extended Kalman filter of the thesis's program, as the digits of Table 5 give it away.
-
-    It differs from `MotionEKF` in three things that the thesis does not say; each keyword can put one of them right.
-
-    Parameters
-    ----------
-    model, x0, P0
-        As for `MotionEKF`. The program's own model is ``errata.PrintedCTRV(2.0, 0.3, errors=["3.11"])``.
-    late_F, late_Q : bool
-        Take F, and Q, at the predicted state instead of the state before the step.
-    step, noise_step : float or None
-        A constant time step of f and F, and of Q, in s; None takes the one passed to `predict`.
-    """
-
-    def __init__(self, model, x0, P0, late_F=True, late_Q=True, step=T, noise_step=None):
-        super().__init__(model, x0, P0)
-        self.late_F, self.late_Q = late_F, late_Q
-        self.step = None if step is None else check_dt(step, "step")
-        self.noise_step = None if noise_step is None else check_dt(noise_step, "noise_step")
-
-    def predict(self, dt):
-        """Predict over `dt` seconds, dt ≥ 0."""
-        dt = check_dt(dt)
-        step, noise_step = (dt if fixed is None else fixed for fixed in (self.step, self.noise_step))
-        before = self.x
-        after = angles.wrap_components(self.model.f(before, step), self.model.angles)
-        self.F = self.model.F(after if self.late_F else before, step)
-        self.Q = self.model.Q(after if self.late_Q else before, noise_step)
-        self.x, self.P = after, congruence(self.F, self.P) + self.Q
-        self.x_prior, self.P_prior = self.x.copy(), self.P.copy()
 
 
 def truth(log):
@@ -121,25 +87,3 @@ def track(log, model=None, filter=MotionEKF, lidar=None, radar=None, use=None, f
                 result.y[: sensor.m, k], result.nis[k] = kf.y, mahalanobis(kf.y, kf.S)
         result.x[:, k], result.P[:, :, k] = kf.x, kf.P
     return result
-
-
-def window_deviations(x, table):
-    """Largest deviation of `table` from every run of consecutive states.
-
-    Parameters
-    ----------
-    x : array_like, shape (n, N)
-        States.
-    table : array_like, shape (r, n)
-        Printed rows, r ≤ N.
-
-    Returns
-    -------
-    numpy.ndarray, shape (N − r + 1,)
-        Entry i is the largest |x − table| over all components of samples i, …, i + r − 1.
-    """
-    x, table = np.asarray(x, dtype=float), np.asarray(table, dtype=float)
-    if x.ndim != 2 or table.ndim != 2 or table.shape[1] != len(x) or len(table) > x.shape[1]:
-        raise ValueError(f"table: expected shape (r, n) with r ≤ N for x of shape (n, N), got {table.shape} for {x.shape}")
-    windows = np.lib.stride_tricks.sliding_window_view(x, len(table), axis=1)  # (n, N − r + 1, r)
-    return np.max(np.abs(windows - table.T[:, None, :]), axis=(0, 2))

@@ -4,7 +4,7 @@ The state is (x, vx, y, vy) in m and m/s, the layout of ``CV(axes=2)``; samples 
 or (4, N, M), measurements (2, 2, N, M), sensor by component, estimates (3, 4, N, M), filter by component.
 """
 
-from trackhelpers.scenarios.track_fusion.exact import Design, Fused, design, exact_errors, expected_nees, fuse, rms, two_points
+from trackhelpers.scenarios.track_fusion.errors import Design, Fused, design, exact_errors, expected_nees, fuse, rms, two_points
 from trackhelpers.scenarios.track_fusion.tracks import (
     CROSSED,
     FILTERS,

@@ -9,31 +9,16 @@ from typing import NamedTuple
 import numpy as np
 from scipy.optimize import least_squares
 
-from trackhelpers import angles
-from trackhelpers.arrays import check_dt, check_scale, congruence
+from trackhelpers.arrays import check_scale
 from trackhelpers.ensemble import EnsembleEKF
-from trackhelpers.scenarios.thesis.lidar_radar import T, components, estimates, measure, measure_displaced, start
-from trackhelpers.scenarios.thesis.lidar_radar_truth import half_units, printed_estimates
+from trackhelpers.forensics.lidar_radar_truth import half_units, printed_estimates
+from trackhelpers.scenarios.thesis.lidar_radar import components, estimates, measure, measure_displaced, start
 
 ROWS = slice(2, 8)  # of the samples, those that Tables 7 and 8 print: k = 3, …, 8
 SAMPLES = 8
 ROUNDING = 1 / np.sqrt(3)  # standard deviation of a uniform rounding error, in half units of the last digit
 STEP = 1e-6  # of the differences that give the Jacobian, in units of the noise
 EVALUATIONS = 60  # of the filter, after which a search that has not settled is given up where it stands
-
-
-class EnsembleProgramEKF(EnsembleEKF):
-    """`public_log.ProgramEKF`, the filter that Table 5 gives away, over M runs: F and Q at the predicted state, F of the first step over T.
-
-    Its model is ``errata.PrintedCTRV(2.0, 0.3, errors=["3.11"])``.
-    """
-
-    def predict(self, dt):
-        """Predict over `dt` seconds, dt ≥ 0; the transition takes T = 0.05 s whatever `dt` is, as in the program."""
-        dt = check_dt(dt)
-        x = angles.wrap_components(self.model.f(self.x, T), self.model.angles)
-        self.P = congruence(self.model.F(x, T), self.P) + self.model.Q(x, dt)
-        self.x = x
 
 
 class Fit(NamedTuple):

@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from trackhelpers import exact
 from trackhelpers.arrays import check_covariance, check_scale, congruence, inverse
 from trackhelpers.fusion import bar_shalom_campo, convex_combination, covariance_intersection, cross_covariance
 from trackhelpers.motion import CV
@@ -108,12 +109,10 @@ def design(pair, steps, start="two points", model=MODEL, P0=None):
         ahead, behind = (np.kron(np.eye(6), [[1], [slope]]) @ mean for slope in (1 / T, -1 / T))
         behind[::2] = 0
     seen = ((H, R1, slice(0, 2)), (H, R2, slice(2, 4)), (np.vstack([H, H]), R, slice(0, 4)))
+    for i, (rows, noise, columns) in enumerate(seen):
+        mine, known = slice(4 * i, 4 * i + 4), exact.gains(F, rows, Q, noise, P[i, ..., first], steps - first - 1)
+        A[mine, mine, first + 1 :], K[mine, columns, first + 1 :], P[i, ..., first:] = known.A, known.K, known.P
     for k in range(first + 1, steps):
-        for i, (rows, noise, columns) in enumerate(seen):
-            mine, before = slice(4 * i, 4 * i + 4), congruence(F, P[i, ..., k - 1]) + Q
-            gain = np.linalg.solve(congruence(rows, before) + noise, rows @ before).T
-            A[mine, mine, k], K[mine, columns, k] = np.eye(4) - gain @ rows, gain
-            P[i, ..., k] = congruence(A[mine, mine, k], before) + congruence(gain, noise)
         P12[..., k] = cross_covariance(P12[..., k - 1], F, Q, K[:4, :2, k], H, K[4:8, 2:, k], H)
     return Design(first, model, tuple(pair), P, P12, A, K, ahead, behind)
 
@@ -141,19 +140,15 @@ def exact_errors(plan, truth, sigma_a=0.0):
     if truth.shape != (4, steps):
         raise ValueError(f"truth: expected shape (4, {steps}), got {truth.shape}")
     F, *_, R = _matrices(plan.pair, plan.model)
-    F3, E, d = np.kron(np.eye(3), F), np.tile(np.eye(4), (3, 1)), truth[:, 1:] - F @ truth[:, :-1]
-    noise = check_scale(sigma_a, "sigma_a") * plan.model.G(np.zeros(4), T)
+    first, E, d = plan.first, np.tile(np.eye(4), (3, 1)), truth[:, 1:] - F @ truth[:, :-1]
+    Q = check_scale(sigma_a, "sigma_a") ** 2 * congruence(plan.model.G(np.zeros(4), T), np.eye(2))
+    start = np.zeros(12), np.zeros((12, 12))
+    if first == 1:
+        start = E @ _BACK @ d[:, 0], congruence(plan.ahead, R) + congruence(plan.behind, R) + congruence(E @ _BACK, Q)
     bias, covariance = np.full((12, steps), np.nan), np.full((12, 12, steps), np.nan)
-    if plan.first == 0:
-        bias[:, 0], covariance[..., 0] = 0, 0
-    else:
-        bias[:, 1] = E @ _BACK @ d[:, 0]
-        spread = congruence(plan.ahead, R) + congruence(plan.behind, R)
-        covariance[..., 1] = spread + congruence(E @ _BACK @ noise, np.eye(2))
-    common = congruence(E @ noise, np.eye(2))
-    for k in range(plan.first + 1, steps):
-        bias[:, k] = plan.A[..., k] @ (F3 @ bias[:, k - 1] - E @ d[:, k - 1])
-        covariance[..., k] = congruence(plan.A[..., k], congruence(F3, covariance[..., k - 1]) + common) + congruence(plan.K[..., k], R)
+    later = slice(first + 1, None)
+    joint = exact.errors(np.kron(np.eye(3), F), plan.A[..., later], plan.K[..., later], R, E @ d[:, first:], congruence(E, Q), *start)
+    bias[:, first:], covariance[..., first:] = joint
     return bias, covariance
 
 

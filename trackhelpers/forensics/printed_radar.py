@@ -1,8 +1,5 @@
 """Section 4.2 as it is printed: the radar's range rate and Jacobian, and the list of steps."""
 
-import numpy as np
-
-from trackhelpers.arrays import matvec
 from trackhelpers.ensemble import EnsembleEKF
 from trackhelpers.sensors import Radar
 
@@ -34,23 +31,22 @@ class PrintedRadar(Radar):
             raise ValueError(f"jacobian: expected one of {JACOBIANS}, got {jacobian!r}")
         self.range_rate, self.jacobian = range_rate, jacobian
 
-    def _h(self, x):
-        right = super()._h(x)
+    def _h(self, x, parts):
+        right = super()._h(x, parts)
         if self.range_rate == "right":
             return right
-        _, _, rho, vx, vy = self._parts(x)
+        _, _, rho, vx, vy, *_ = parts
         return [*right[:2], (vx + vy) / rho]
 
-    def _entries(self, x):
-        entries = super()._entries(x)
+    def _H(self, x, parts):
+        entries = super()._H(x, parts)
         if self.jacobian == "right" or (self.jacobian == "own" and self.range_rate == "right"):
             return entries
-        px, py, rho, vx, vy = self._parts(x)
-        (i, j), (k, l) = self._position, self._velocity
-        v, heading = x[k], x[l]
+        px, py, rho, vx, vy, c, s = parts
+        (i, j), (k, l) = self._place, self._velocity
+        v = x[k]
         outward_x, outward_y = px * (vx + vy) / rho**3, py * (vx + vy) / rho**3
         if self.jacobian == "own":
-            c, s = np.cos(heading), np.sin(heading)
             return entries | {(2, i): -outward_x, (2, j): -outward_y, (2, k): (c + s) / rho, (2, l): v * (c - s) / rho}
         front = (v if self.jacobian == "printed v" else py) / rho
         return entries | {(2, i): front - outward_x, (2, j): front - outward_y, (2, k): (px + py) / rho, (2, l): 0.0 * rho}
@@ -69,6 +65,8 @@ class UnpredictedEKF(EnsembleEKF):
 class LinearisedRadar(Radar):
     """The radar with H x for h(x), as step 07 prints the innovation, z − H x̂, for both sensors. Parameters as for `Radar`."""
 
-    def h(self, x):
-        """H(x) x: (n, ...) to (3, ...)."""
-        return matvec(self.H(x), np.asarray(x, dtype=float))
+    def _h(self, x, parts):
+        rows = [0.0] * len(self.components)
+        for (i, j), value in self._H(x, parts).items():
+            rows[i] = rows[i] + value * x[j]
+        return rows
