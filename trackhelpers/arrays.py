@@ -8,9 +8,11 @@ import numpy as np
 
 from trackhelpers import compiled
 from trackhelpers.checks import all_finite as all_finite
+from trackhelpers.checks import check_angles as check_angles
 from trackhelpers.checks import check_array as check_array
 from trackhelpers.checks import check_covariance as check_covariance
 from trackhelpers.checks import check_dt as check_dt
+from trackhelpers.checks import check_matrix as check_matrix
 from trackhelpers.checks import check_scale as check_scale
 
 
