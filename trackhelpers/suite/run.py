@@ -96,6 +96,7 @@ async def _execute(notebook, name, cwd, timeout, bar):
         notebook,
         kernel_name="python3",
         timeout=timeout,
+        startup_timeout=600,  # nbclient's minute is too short for a machine under load
         record_timing=False,
         store_widget_state=False,
         coalesce_streams=True,
