@@ -70,7 +70,7 @@ def test_what_cannot_be_stored_names_notebook_and_cell(store, code, named):
 
 def test_an_endless_cell_is_named(store):
     path = store("1_one/1_first.ipynb", "import threading\nthreading.Event().wait()")
-    with pytest.raises(NotebookError, match="code cell 1 .*: A cell timed out"):
+    with pytest.raises(NotebookError, match=r"code cell 1 .*: A cell timed out"):
         run([path], lambda p: p, folder=path.parents[1], timeout=1)
 
 
