@@ -11,17 +11,17 @@ from trackhelpers.angles import wrap_rows
 _STEP = np.cbrt(np.finfo(float).eps)  # of central differences: truncation and rounding weigh alike
 
 
-def evaluate(compute, x):
-    """compute(x), for one target, x (n,), on plain numbers: on those Python is several times as fast as NumPy.
+def evaluate(compute, x, *more):
+    """compute(x, …), for one target, x (n,), on plain numbers: on those Python is several times as fast as NumPy.
 
     Where Python raises (an overflow, a division by zero, a function that wants arrays) NumPy has the last word.
     """
     if x.ndim == 1:
         try:
-            return compute(x.astype(object))
+            return compute(x.astype(object), *more)
         except (ArithmeticError, ValueError, TypeError, AttributeError):
             pass
-    return compute(x)
+    return compute(x, *more)
 
 
 def filled(rows, m, x, name):

@@ -56,6 +56,9 @@ class Model:
     def __init__(self, sigmas=(), Q=None):
         self.sigmas = tuple(check_scale(value, name) for name, value in sigmas)
         self._constant = None if Q is None else check_covariance(Q, "Q", self.n)
+        self._by_gain = self._constant is None and type(self)._Q is Model._Q
+        self._scales = np.array(self.sigmas)
+        self._no_input = np.zeros((self.n, len(self.sigmas)))
         self._eye, self._nought = np.eye(self.n), np.zeros((self.n, self.n))
         self._limits = {self.state.index(name): limits for name, limits in self.bounds.items()}
 
@@ -99,7 +102,7 @@ class Model:
     def G(self, x, dt):
         """How inputs that are constant within the step reach the state: shape (n, q, ...), one column an input; arguments as for `f`."""
         x, dt = self._arguments(x, dt)
-        return dense(evaluate(lambda x: self._gain(x, dt, self._parts(x, dt, self._order)), x), np.zeros((self.n, len(self.sigmas))), x)
+        return dense(evaluate(lambda x: self._gain(x, dt, self._parts(x, dt, self._order)), x), self._no_input, x)
 
     def Q(self, x, dt):
         """Process noise covariance at the state before the step, shape (n, n, ...), read-only where it is the same for all runs; arguments as for `f`."""
@@ -109,8 +112,14 @@ class Model:
     def step(self, x, dt):
         """f, F and Q in one go: what a filter of one target predicts with. Arguments as for `f`."""
         x, dt = self._arguments(x, dt)
-        f, transition, noise = evaluate(lambda x: self._hooks(x, dt), x)
-        return filled(f, self.n, x, "_f"), dense(transition, self._eye, x), dense(noise, self._nought, x, mirrored=True)
+        if self._by_gain and x.ndim == 1:  # on dense matrices of one target the product with G is sooner made than its entries
+            f, transition, gain = evaluate(self._moves, x, dt)
+            scaled = dense(gain, self._no_input, x) * self._scales
+            Q = scaled @ scaled.T
+        else:
+            f, transition, noise = evaluate(self._hooks, x, dt)
+            Q = dense(noise, self._nought, x, mirrored=True)
+        return filled(f, len(self.state), x, "_f"), dense(transition, self._eye, x), Q
 
     def linearised(self, x, dt):
         """f, F and Q in one go, the matrices by their entries: what the ensemble filters multiply with. Arguments as for `f`.
@@ -145,6 +154,10 @@ class Model:
         parts = self._parts(x, dt, self._order)
         return self._f(x, dt, parts), self._F(x, dt, parts), self._noise(x, dt, parts)
 
+    def _moves(self, x, dt):
+        parts = self._parts(x, dt, self._order)
+        return self._f(x, dt, parts), self._F(x, dt, parts), self._gain(x, dt, parts)
+
     def _noise(self, x, dt, parts):
         """Entries of Q on and below the diagonal: of the constant one, where there is one."""
         return self._Q(x, dt, parts) if self._constant is None else entries_of(np.tril(self._constant))
@@ -173,8 +186,8 @@ class Model:
             inputs[q].append((i, self.sigmas[q] * value))
         noise = {}
         for column in inputs:
-            for i, a in column:
-                for j, b in column:
-                    if j <= i:
-                        noise[i, j] = noise[i, j] + a * b if (i, j) in noise else a * b
+            column.sort(key=lambda entry: entry[0])
+            for k, (i, a) in enumerate(column):
+                for j, b in column[: k + 1]:
+                    noise[i, j] = noise[i, j] + a * b if (i, j) in noise else a * b
         return noise

@@ -3,7 +3,6 @@
 import numpy as np
 from filterpy.kalman import ExtendedKalmanFilter
 
-from trackhelpers.arrays import check_dt
 from trackhelpers.filters.base import atomic, refused
 from trackhelpers.filters.on_model import REFUSED, OnModel, singular
 
@@ -40,7 +39,7 @@ class MotionEKF(OnModel, ExtendedKalmanFilter):
     @atomic
     def predict(self, dt):
         """Predict over `dt` seconds, dt ≥ 0."""
-        self._ahead, self.F, self.Q = self.model.step(self.x, check_dt(dt))  # at the old x
+        self._ahead, self.F, self.Q = self.model.step(self.x, dt)  # at the old x
         super().predict()
 
     def predict_x(self, u=0):

@@ -40,6 +40,8 @@ class MotionModel(Model):
         if noise == "exact":
             self._order = 2
         super().__init__(sigmas, Q)
+        self._integrated = noise == "continuous" and self._by_gain  # a hook _Q of a subclass goes before
+        self._by_gain = self._by_gain and noise != "continuous"
 
     def __repr__(self):
         return super().__repr__()[:-1] + f", noise={self.noise!r})"
@@ -82,8 +84,8 @@ class MotionModel(Model):
             )
         return (self._G_exact if self.noise == "exact" else self._G)(x, dt, parts)
 
-    def _Q(self, x, dt, parts):
-        return self._continuous(x, dt) if self.noise == "continuous" else super()._Q(x, dt, parts)
+    def _noise(self, x, dt, parts):
+        return self._continuous(x, dt) if self._integrated else super()._noise(x, dt, parts)
 
     def _continuous(self, x, dt):
         """Entries of ∫₀^dt Φ(t) diag(σ²) Φ(t)ᵀ dt, Φ(t) the columns of the transition from time t to the end that belong to the driven components."""

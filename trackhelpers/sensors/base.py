@@ -97,7 +97,7 @@ class Sensor:
         """h and H in one go: what a filter of one target corrects with. Arguments and errors as for `h`."""
         x = check_array(x, "x", len(self.state))
         rows, entries = evaluate(self._hooks, x)
-        return filled(rows, self.m, x, "_h"), dense(entries, self._nought, x)
+        return filled(rows, len(self.names), x, "_h"), dense(entries, self._nought, x)
 
     def linearised(self, x):
         """h and the entries of H in one go: what the ensemble filters multiply with. Arguments and errors as for `h`.

@@ -34,9 +34,13 @@ class RangeBearing(Sensor):
             raise ValueError(f"state: {type(self).__name__} measures in the plane and would ignore the component z, got {self.state}")
         self._place = self._column("x"), self._column("y")
         self.position, self.heading = check_mounting(position, heading, 2)
+        self._elsewhere = any(self.position)
 
     def _parts(self, x):
-        px, py = (x[i] - p if p else x[i] for i, p in zip(self._place, self.position, strict=True))
+        i, j = self._place
+        px, py = x[i], x[j]
+        if self._elsewhere:
+            px, py = px - self.position[0], py - self.position[1]
         square = px * px + py * py  # np.hypot is slower by half
         if x.ndim == 1:
             if square == 0:
@@ -85,7 +89,7 @@ class Radar(RangeBearing):
     def _parts(self, x):
         """x, y, ρ, v_x, v_y, and in the heading form cos θ and sin θ."""
         px, py, rho = super()._parts(x)
-        first, second = (x[i] for i in self._velocity)
+        first, second = x[self._velocity[0]], x[self._velocity[1]]
         if not self._heading_form:
             return px, py, rho, first, second, None, None
         cos, sin = _angles.cos_sin(second)
