@@ -1,1 +1,1 @@
-"""What the ensemble costs beside filterpy, Stone Soup, simdkalman and a loop in C: ``python -m benchmarks`` measures ratios within one run."""
+"""What the ensemble and the filters of one target cost beside filterpy, Stone Soup, simdkalman and a loop in C: ``python -m benchmarks``."""

@@ -1,6 +1,6 @@
 """``make bench`` or ``python -m benchmarks``: checks that everyone gives the same results, measures, writes results.md and cost.png.
 
-``--quick`` does all of it with a few runs and steps and writes nothing.
+``--quick`` does all of it with a few runs and steps and writes nothing; ``--single`` prints what a step of one target costs and writes nothing.
 """
 
 import os

@@ -1,4 +1,4 @@
-"""The three workloads, and how the ensemble filters run them.
+"""The workloads, and how the ensemble filters run them.
 
 A `Problem` is data: a model, sensors that take turns, one true track and M noisy copies of its measurements. A *contender* is a function of a problem that
 prepares what it likes (not timed) and returns another, without arguments, that runs all filters over all steps (timed) and returns a dict: the final estimates
@@ -13,12 +13,13 @@ import numpy as np
 from trackhelpers import compiled
 from trackhelpers.consistency import nees
 from trackhelpers.ensemble import EnsembleEKF, EnsembleKF, EnsembleUKF
-from trackhelpers.motion import CTRV, CV
+from trackhelpers.motion import CA, CTRV, CV
 from trackhelpers.motion.base import Model
 from trackhelpers.scenarios.thesis import lidar_radar
 from trackhelpers.sensors import Lidar, Position, Radar, Sensor
 
 SEED = 42
+QUIET = CV(0.5, axes=2)
 
 
 @dataclass(frozen=True)
@@ -67,13 +68,21 @@ def ctrv_problem(runs, steps, rngs=None):
 def cv_problem(runs, steps):
     """A linear filter: position in the plane, constant velocity."""
     rng = np.random.default_rng(SEED)
-    model, T = CV(0.5, axes=2), 0.1
+    model, T = QUIET, 0.1
     time = T * np.arange(1, steps + 1)
     truth = np.stack([5 * time, np.full(steps, 5.0), -2 * time, np.full(steps, -2.0)])
     sensor = Position(1.0, model.state)
     zs = [sensor.h(truth[:, k])[:, None] + rng.standard_normal((2, runs)) for k in range(steps)]
     x0 = np.array([0.0, 5.0, 0.0, -2.0])[:, None] + rng.standard_normal((4, runs))
     return Problem(model, (sensor,), T, truth, zs, x0, np.eye(4))
+
+
+def imm_problem(runs, steps):
+    """The same target, perhaps in a manoeuvre: all in the state of CA, accelerations 0."""
+    problem, model = cv_problem(runs, steps), CA(1.0, axes=2)
+    E = np.array([[float(a == b) for b in QUIET.state] for a in model.state])
+    sensor = Position(1.0, model.state)
+    return replace(problem, model=model, sensors=(sensor,), truth=E @ problem.truth, x0=E @ problem.x0, P0=E @ problem.P0 @ E.T)
 
 
 def ensemble_ekf(problem):

@@ -1,10 +1,12 @@
 """filterpy's classes as its users drive them."""
 
 import numpy as np
-from filterpy.kalman import ExtendedKalmanFilter, KalmanFilter, MerweScaledSigmaPoints, UnscentedKalmanFilter
+from filterpy.kalman import ExtendedKalmanFilter, IMMEstimator, KalmanFilter, MerweScaledSigmaPoints, UnscentedKalmanFilter
 
 from benchmarks.peers import ctrv
 from benchmarks.peers.loops import one_by_one
+from benchmarks.workloads import QUIET
+from trackhelpers.filters import MatrixKF
 
 
 class _ByHand(ExtendedKalmanFilter):
@@ -12,7 +14,7 @@ class _ByHand(ExtendedKalmanFilter):
         self.x = ctrv.transition(self.x, self.T)
 
 
-def filterpy_ekf(problem):
+def filterpy_ekf(problem, with_nees=True):
     """filterpy's ExtendedKalmanFilter, NEES by a solve."""
     T, sigmas, (radar, lidar) = problem.T, problem.model.sigmas, problem.sensors
 
@@ -31,7 +33,7 @@ def filterpy_ekf(problem):
             kf.update(z, ctrv.lidar_jacobian, ctrv.lidar, R=lidar.R)
         kf.x[3] = ctrv.wrap(kf.x[3])
 
-    return lambda: one_by_one(problem, start, step, with_nees=True)
+    return lambda: one_by_one(problem, start, step, with_nees)
 
 
 def filterpy_kf(problem):
@@ -52,8 +54,12 @@ def filterpy_kf(problem):
     return lambda: one_by_one(problem, start, step)
 
 
-def filterpy_ukf(problem):
-    """filterpy's UnscentedKalmanFilter, means and differences of angles by hand."""
+def filterpy_ukf(problem, redrawn=False):
+    """filterpy's UnscentedKalmanFilter, means and differences of angles by hand.
+
+    Where `redrawn`, sigma points are drawn anew before every update, for more than one sensor may follow a prediction, and filterpy's `subtract` and
+    `state_add` wrap the heading of every point and of the corrected state; else it is wrapped once a step.
+    """
     T, sigmas, (radar, lidar) = problem.T, problem.model.sigmas, problem.sensors
 
     def mean_about_the_first(points, Wm, angle):
@@ -66,6 +72,11 @@ def filterpy_ukf(problem):
         difference[3] = ctrv.wrap(difference[3])
         return difference
 
+    def wrapped_sum(x, dx):
+        total = x + dx
+        total[3] = ctrv.wrap(total[3])
+        return total
+
     def start(i):
         kf = UnscentedKalmanFilter(
             dim_x=5,
@@ -73,9 +84,10 @@ def filterpy_ukf(problem):
             dt=T,
             hx=None,
             fx=ctrv.transition,
-            points=MerweScaledSigmaPoints(5, alpha=1.0, beta=2.0, kappa=0.0),
+            points=MerweScaledSigmaPoints(5, alpha=1.0, beta=2.0, kappa=0.0, subtract=state_residual if redrawn else None),
             x_mean_fn=lambda points, Wm: mean_about_the_first(points, Wm, 3),
             residual_x=state_residual,
+            state_add=wrapped_sum if redrawn else None,
         )
         kf.x, kf.P = problem.x0[:, i], problem.P0
         return kf
@@ -83,12 +95,33 @@ def filterpy_ukf(problem):
     def step(kf, k, i):
         kf.Q = ctrv.noise(float(kf.x[3]), T, sigmas)
         kf.predict()
+        if redrawn:
+            kf.sigmas_f = kf.points_fn.sigma_points(kf.x, kf.P)
         if problem.sensor(k) is radar:
             kf.z_mean, kf.residual_z = lambda points, Wm: mean_about_the_first(points, Wm, 1), ctrv.radar_residual
             kf.update(problem.zs[k][:, i], R=radar.R, hx=ctrv.radar)
         else:
             kf.z_mean, kf.residual_z = None, np.subtract
             kf.update(problem.zs[k][:, i], R=lidar.R, hx=ctrv.lidar)
-        kf.x[3] = ctrv.wrap(kf.x[3])
+        if not redrawn:
+            kf.x[3] = ctrv.wrap(kf.x[3])
+
+    return lambda: one_by_one(problem, start, step)
+
+
+def filterpy_imm(problem):
+    """filterpy's IMMEstimator on two MatrixKF, the quiet one written in the state of the other."""
+    (sensor,), model, T = problem.sensors, problem.model, problem.T
+    E = np.array([[float(a == b) for b in QUIET.state] for a in model.state])
+    still, nought, H = np.zeros(QUIET.n), np.zeros(model.n), sensor.H(problem.x0[:, 0])
+    pair = [(E @ QUIET.F(still, T) @ E.T, E @ QUIET.Q(still, T) @ E.T), (model.F(nought, T), model.Q(nought, T))]
+    transition = np.array([[0.98, 0.02], [0.02, 0.98]])
+
+    def start(i):
+        return IMMEstimator([MatrixKF(F, H, Q, sensor.R, problem.x0[:, i], problem.P0) for F, Q in pair], (0.9, 0.1), transition)
+
+    def step(kf, k, i):
+        kf.predict()
+        kf.update(problem.zs[k][:, i])
 
     return lambda: one_by_one(problem, start, step)

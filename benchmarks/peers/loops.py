@@ -2,8 +2,9 @@
 
 import numpy as np
 
+from benchmarks.workloads import QUIET
 from trackhelpers.consistency import nees
-from trackhelpers.filters import MotionEKF, MotionKF, MotionUKF
+from trackhelpers.filters import ManoeuvreIMM, MotionEKF, MotionKF, MotionUKF
 
 
 def one_by_one(problem, start, step, with_nees=False):
@@ -36,9 +37,11 @@ def _subclass(Filter, problem):
     return lambda i: Filter(problem.model, problem.x0[:, i], problem.P0), step
 
 
-def motion_ekf(problem):
+def motion_ekf(problem, with_nees=True):
     """MotionEKF, NEES by trackhelpers.consistency.nees with all its checks."""
     start, step = _subclass(MotionEKF, problem)
+    if not with_nees:
+        return lambda: one_by_one(problem, start, step)
     total = np.empty((problem.steps, problem.runs))
 
     def step_and_judge(kf, k, i):
@@ -56,3 +59,16 @@ def motion_kf(problem):
 def motion_ukf(problem):
     """MotionUKF."""
     return lambda: one_by_one(problem, *_subclass(MotionUKF, problem))
+
+
+def manoeuvre_imm(problem):
+    """ManoeuvreIMM on QUIET and the problem's model."""
+    (sensor,) = problem.sensors
+    kept = [problem.model.state.index(name) for name in QUIET.state]
+    P0 = problem.P0[np.ix_(kept, kept)]
+
+    def step(kf, k, i):
+        kf.predict()
+        kf.update(problem.zs[k][:, i])
+
+    return lambda: one_by_one(problem, lambda i: ManoeuvreIMM(QUIET, problem.model, sensor.R, problem.T, problem.x0[kept, i], P0), step)

@@ -13,9 +13,9 @@ from benchmarks import climit, report, run, timing, workloads
 ROOT = Path(__file__).resolve().parents[2]
 
 
-@pytest.mark.parametrize("workload", run.WORKLOADS, ids=lambda w: w.key)
+@pytest.mark.parametrize("workload", run.WORKLOADS + run.SINGLES, ids=lambda w: w.key)
 @pytest.mark.parametrize("runs", [1, 11, run.CHECKED])
-def test_everyone_gives_the_ensembles_results_on_the_same_data(workload, runs):
+def test_everyone_gives_our_results_on_the_same_data(workload, runs):
     found = run.check(workload, runs=runs, steps=12)
     assert set(found) == {label for label in workload.others if run.reason_to_skip(label) is None}
     assert set(workload.loops) <= set(found) | {"Stone Soup"}
@@ -31,7 +31,7 @@ def test_a_contender_that_differs_is_named(name):
 
         return call
 
-    with pytest.raises(ArithmeticError, match=r"EKF: someone differs from the ensemble by 1e-06"):
+    with pytest.raises(ArithmeticError, match=r"EKF: someone differs from ours by 1e-06"):
         run.check(replace(run.EKF, loops={"someone": spoilt}, arrays={}), runs=3, steps=4)
 
 
@@ -84,6 +84,10 @@ def test_the_quick_run_reports_all_contenders_and_writes_nothing():
     command = [sys.executable, "-W", "error", "-m", "benchmarks", "--quick"]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
     assert (done.returncode, done.stderr) == (0, "")
-    for label in ("ensemble", *(report.NAMES.get(label, label) for w in run.WORKLOADS for label in w.others)):
+    for label in (
+        "ensemble",
+        *(report.NAMES.get(label, label) for w in run.WORKLOADS + run.SINGLES for label in w.others),
+        *(w.key for w in run.SINGLES),
+    ):
         assert label in done.stdout
     assert {path: path.stat().st_mtime_ns for path in (ROOT / "benchmarks").glob("*.*")} == before
