@@ -4,7 +4,7 @@
 PYTHON ?= python3
 RUN := .venv/bin/python
 READY := .venv/.ok
-NBVAL := --nbval --nbval-sanitize-with=tests/nbval_sanitize.cfg --nbval-cell-timeout=300
+NBVAL := --nbval --nbval-sanitize-with=tests/nbval_sanitize.cfg --nbval-cell-timeout=3600 --nbval-kernel-startup-timeout=600
 
 .DEFAULT_GOAL := help
 .PHONY: help book lab test refresh lock bench clean
@@ -28,12 +28,12 @@ book: $(READY)  ## run every notebook afresh and build the web book, which needs
 lab: $(READY)  ## open the notebooks in JupyterLab (LAB= takes its options, --no-browser for one)
 	@$(RUN) -m jupyterlab --notebook-dir=notebooks $(LAB)
 
-test: $(READY)  ## lint code and notebooks, run the unit tests, compare every notebook's outputs with a fresh run
+test: $(READY)  ## lint code and notebooks, run the unit tests (TESTS= takes pytest's options), compare every notebook's outputs with a fresh run
 	$(RUN) -m ruff check .
 	$(RUN) -m ruff format --check .
-	$(RUN) -m pytest tests -n 2
+	$(RUN) -m pytest tests -n 2 $(TESTS)
 	@if [ -z "$$(find notebooks -name '*.ipynb' -not -path '*/.*' 2>/dev/null)" ]; then echo "No notebooks to compare yet."; \
-	else set -x; $(RUN) -m pytest $(NBVAL) notebooks -n 2 --dist loadscope; fi
+	else set -x; $(RUN) -m pytest $(NBVAL) notebooks -n 2 --dist loadscope --no-loadscope-reorder; fi
 
 refresh: $(READY)  ## run every notebook in place and store it normalised: a second run changes no byte
 	@$(RUN) -m trackhelpers.suite refresh

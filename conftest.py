@@ -1,4 +1,4 @@
-"""Settings of every test run. Under ``--nbval``: strict kernels, notebooks without their data skipped, ledgers compared at the end."""
+"""Settings of every test run. Under ``--nbval``: strict kernels, longest notebooks first, those without data skipped, ledgers compared."""
 
 import contextlib
 import os
@@ -6,6 +6,11 @@ import tempfile
 from pathlib import Path
 
 import pytest
+from hypothesis import HealthCheck, settings
+
+# An example may take its time: no test depends on the speed of the machine.
+settings.register_profile("patient", deadline=None, suppress_health_check=[HealthCheck.too_slow])
+settings.load_profile("patient")
 
 os.environ.setdefault("MPLBACKEND", "Agg")  # the notebooks' kernels have their own setting
 
@@ -25,10 +30,12 @@ def pytest_configure(config):
 def pytest_collection_modifyitems(config, items):
     if not config.getoption("nbval", False):
         return
-    from trackhelpers.suite import missing_data
+    from trackhelpers.suite import longest_first, missing_data
 
     folder = config.rootpath / "notebooks"
+    items[:] = longest_first(items, folder, path=lambda item: item.path)
     for item in items:
+        item.output_timeout = 600  # s: nbval's own 5 for the outputs to arrive are few on a machine under load
         if item.path.suffix == ".ipynb" and item.path.is_relative_to(folder):
             reason = missing_data(item.path, folder)
             if reason:

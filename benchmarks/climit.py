@@ -31,12 +31,16 @@ def _library():
     path, _ = compiler()
     source = Path(__file__).with_name("climit.c")
     with tempfile.TemporaryDirectory(prefix="climit-") as folder:
-        target = Path(folder) / "climit.so"
-        command = [path, "-O3", "-march=native", "-ffast-math", "-std=gnu11", "-shared", "-fPIC", str(source), "-o", str(target), "-lm"]
+        compiled, target = (str(Path(folder) / f"climit.{kind}") for kind in ("o", "so"))
+        compiling = [path, "-O3", "-march=native", "-ffast-math", "-std=gnu11", "-fPIC", "-c", str(source), "-o", compiled]
+        # not linked with -ffast-math: gcc would add start code that switches subnormals off for the whole process
+        linking = [path, "-shared", compiled, "-o", target, "-lm"]
         for flags in (["-mprefer-vector-width=512"], []):  # full vectors where the compiler knows the flag
-            made = subprocess.run([*command, *flags], capture_output=True, text=True)
+            made = subprocess.run([*compiling, *flags], capture_output=True, text=True)
             if made.returncode == 0:
-                return ctypes.CDLL(str(target))  # stays mapped when the file is gone
+                made = subprocess.run(linking, capture_output=True, text=True)
+            if made.returncode == 0:
+                return ctypes.CDLL(target)  # stays mapped when the file is gone
     raise NotAvailable(f"{path} does not compile climit.c: {made.stderr.strip().splitlines()[0]}")
 
 

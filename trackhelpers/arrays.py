@@ -8,9 +8,11 @@ import numpy as np
 
 from trackhelpers import compiled
 from trackhelpers.checks import all_finite as all_finite
+from trackhelpers.checks import check_angles as check_angles
 from trackhelpers.checks import check_array as check_array
 from trackhelpers.checks import check_covariance as check_covariance
 from trackhelpers.checks import check_dt as check_dt
+from trackhelpers.checks import check_matrix as check_matrix
 from trackhelpers.checks import check_scale as check_scale
 
 
@@ -77,6 +79,13 @@ def inverse(P):
     """Inverse of symmetric positive definite P (n, n, ...); NaN in the runs where it is not positive definite."""
     half = solve_lower(cholesky(P), np.eye(len(P)).reshape(len(P), len(P), *[1] * (np.ndim(P) - 2)))
     return np.einsum("ki...,kj...->ij...", half, half)
+
+
+def divide(A, P):
+    """A P⁻¹ for A (m, n) and a covariance P (n, n), its pseudo-inverse where it is singular; decided on the correlations, so that no unit decides it."""
+    scale = np.sqrt(np.diag(P))
+    scale[scale == 0] = 1.0
+    return (A / scale) @ np.linalg.pinv(P / np.outer(scale, scale), rcond=1e-14, hermitian=True) / scale
 
 
 def eliminate(S, below):

@@ -5,6 +5,7 @@ a conversion to float would take them for something else.
 """
 
 import math
+import operator
 import sys
 
 import numpy as np
@@ -55,6 +56,25 @@ def check_array(value, name, first, trailing=None):
     if len(shape) == 1 and not math.isfinite(np.vdot(array, array)) and not np.isfinite(array).all():
         raise ValueError(f"{name}: expected finite numbers, got {array}")
     return array
+
+
+def check_matrix(value, name, shape):
+    """`value` as a float array of the given shape, of which the first length may be None for any; ValueError unless it has it and is finite."""
+    matrix = check_array(value, name, shape[0], tuple(shape[1:]))
+    if not all_finite(matrix):
+        raise ValueError(f"{name}: expected finite numbers, got {np.count_nonzero(~np.isfinite(matrix))} that are not")
+    return matrix
+
+
+def check_angles(angles, n, name="angles"):
+    """Indices of the angular ones among n components as a tuple; ValueError unless they are whole numbers from 0 to n − 1."""
+    try:
+        indices = tuple(operator.index(i) for i in angles)
+    except TypeError:
+        indices = (-1,)
+    if any(not 0 <= i < n for i in indices):
+        raise ValueError(f"{name}: expected indices from 0 to {n - 1}, got {angles!r}")
+    return indices
 
 
 def check_covariance(value, name, n, runs=None, definite=False, checked=True):

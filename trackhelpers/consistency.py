@@ -5,8 +5,8 @@ from scipy import stats
 from scipy.linalg.lapack import dposv
 
 from trackhelpers import angles as _angles
-from trackhelpers.arrays import check_array, check_covariance, congruence, inverse, mahalanobis, transpose
-from trackhelpers.checks import correlations, deviations
+from trackhelpers.arrays import congruence, inverse, mahalanobis, transpose
+from trackhelpers.checks import all_finite, check_angles, check_array, check_covariance, check_matrix, correlations, deviations
 
 
 def nees(x_true, x, P, angles=()):
@@ -38,7 +38,7 @@ def nees(x_true, x, P, angles=()):
     x_true = check_array(x_true, "x_true", len(x))
     if x_true.ndim == 1 and x.ndim == 2:
         x_true = x_true[:, None]
-    return _normalised(_angles.residual(x_true, x, angles), P, "P")
+    return _normalised(_angles.residual(x_true, x, check_angles(angles, len(x))), P, "P")
 
 
 def nis(y, S):
@@ -122,16 +122,27 @@ def cramer_rao(Fs, Qs, Hs, Rs, P0):
     -------
     numpy.ndarray, shape (len(Fs), n, n)
         The bound after each step's measurement.
+
+    Raises
+    ------
+    ValueError
+        Lengths that differ, or a matrix of the wrong shape, not finite, or no covariance: the message names it with its index.
     """
-    P = check_covariance(P0, "P0", len(np.atleast_1d(P0)), definite=True)
+    P = check_covariance(P0, "P0", len(check_array(P0, "P0", None)), definite=True)
+    n = len(P)
     if not len(Fs) == len(Qs) == len(Hs) == len(Rs):
         raise ValueError(f"Fs, Qs, Hs, Rs: expected equal lengths, got {len(Fs)}, {len(Qs)}, {len(Hs)}, {len(Rs)}")
     bound = []
-    for F, Q, H, R in zip(Fs, Qs, Hs, Rs, strict=True):
-        P = congruence(F, P) + Q
+    for k, (F, Q, H, R) in enumerate(zip(Fs, Qs, Hs, Rs, strict=True)):
+        P = congruence(check_matrix(F, f"Fs[{k}]", (n, n)), P) + check_covariance(Q, f"Qs[{k}]", n)
         if H is not None:
-            K = P @ transpose(H) @ inverse(congruence(H, P) + R)
-            A = np.eye(len(P)) - K @ H
-            P = congruence(A, P) + congruence(K, np.asarray(R, dtype=float))
+            H = check_matrix(H, f"Hs[{k}]", (None, n))
+            R = check_covariance(R, f"Rs[{k}]", len(H))
+            S_inverse = inverse(congruence(H, P) + R)
+            if not all_finite(S_inverse):
+                raise ValueError(f"Rs[{k}]: expected one that leaves H P Hᵀ + R positive definite, got {R}")
+            K = P @ transpose(H) @ S_inverse
+            A = np.eye(n) - K @ H
+            P = congruence(A, P) + congruence(K, R)
         bound.append(P)
     return np.array(bound)

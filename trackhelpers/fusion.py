@@ -3,14 +3,21 @@
 Every rule takes one target, x (n,) and P (n, n), or an ensemble, x (n, M) and P (n, n, M); a common P (n, n) may go with x (n, M). Every rule returns the
 fused x and the covariance that it believes x to have, which is the true one only where the rule's assumption holds: independence for the convex
 combination, the right cross-covariance for Bar-Shalom–Campo and maximum likelihood, nothing at all for covariance intersection (it believes too little).
+
+``angles=`` are the indices of the angular components, rad: all estimates are taken within half a turn of the first one, and the fused angle lies in [−π, π).
+Units do not matter: what is singular is decided in units of the standard deviations.
 """
 
 import numpy as np
 
-from trackhelpers.arrays import check_array, check_covariance, congruence, inverse, matmul, matvec, symmetrised, transpose
+from trackhelpers.angles import wrap, wrap_rows
+from trackhelpers.arrays import cholesky, congruence, inverse, matmul, matvec, solve_lower, symmetrised, transpose
+from trackhelpers.checks import check_angles, check_array, check_covariance, check_matrix, deviations
+
+_ROUNDING = 1e-12  # of a variance, in units of what it is the difference of
 
 
-def convex_combination(xs, Ps):
+def convex_combination(xs, Ps, angles=()):
     """Simple convex combination: P⁻¹ = Σ Pᵢ⁻¹, x = P Σ Pᵢ⁻¹ xᵢ (paper 2, section 2.3, its stray bracket removed).
 
     Parameters
@@ -19,6 +26,7 @@ def convex_combination(xs, Ps):
         Estimates of N tracks whose errors are taken to be uncorrelated.
     Ps : sequence of array_like, shape (n, n) or (n, n, M)
         Their covariances, positive definite.
+    angles : sequence of int
 
     Returns
     -------
@@ -29,13 +37,14 @@ def convex_combination(xs, Ps):
     ValueError
         No track, lists of different length, shapes that do not fit, a P that is not positive definite.
     """
-    xs, Ps = _tracks(xs, Ps)
+    xs, Ps = _tracks(*_named("xs", xs, "Ps", Ps), angles)
     weights = [inverse(P) for P in Ps]
     P = inverse(sum(weights))
-    return matvec(P, sum(matvec(weight, x) for weight, x in zip(weights, xs, strict=True))), symmetrised(P)
+    x = matvec(P, sum(matvec(weight, x) for weight, x in zip(weights, xs, strict=True)))
+    return wrap_rows(x, angles), symmetrised(P)
 
 
-def bar_shalom_campo(x1, P1, x2, P2, P12):
+def bar_shalom_campo(x1, P1, x2, P2, P12, angles=()):
     """Bar-Shalom–Campo fusion of two correlated tracks (paper 2, section 2.3, with the minus sign that it prints as plus).
 
     W = (P₁ − P₁₂)(P₁ + P₂ − P₁₂ − P₂₁)⁻¹, x = x₁ + W(x₂ − x₁), P = P₁ − W(P₁ − P₂₁). Where the matrix in the bracket, the covariance of x₂ − x₁, is
@@ -49,6 +58,7 @@ def bar_shalom_campo(x1, P1, x2, P2, P12):
         Positive semidefinite.
     P12 : array_like, shape (n, n) or (n, n, M)
         Cross-covariance E[e₁ e₂ᵀ]; P₂₁ is its transpose.
+    angles : sequence of int
 
     Returns
     -------
@@ -59,15 +69,18 @@ def bar_shalom_campo(x1, P1, x2, P2, P12):
     ValueError
         Shapes that do not fit, numbers that are not finite, or P12 so large that the joint covariance is indefinite.
     """
-    x1, P1, x2, P2, runs = _pair(x1, P1, x2, P2)
-    P1, P2, P12 = _alike(P1, P2, _cross(P12, "P12", len(x1), runs))
-    _check_joint(np.block([[_last(P1), _last(P12)], [_last(transpose(P12)), _last(P2)]]), "P12")
-    S = symmetrised(P1 + P2 - P12 - transpose(P12))
-    W = matmul(P1 - P12, _pseudo_inverse(S))
-    return x1 + matvec(W, x2 - x1), symmetrised(P1 - matmul(W, P1 - transpose(P12)))
+    (x1, x2), (P1, P2) = _tracks([x1, x2], [P1, P2], ["x1", "x2"], ["P1", "P2"], angles, definite=False)
+    P1, P2, P12 = _alike(P1, P2, _cross(P12, "P12", len(x1), _runs([x1])))
+    P21 = transpose(P12)
+    joint = np.concatenate([np.concatenate([P1, P12], axis=1), np.concatenate([P21, P2], axis=1)])
+    check_covariance(joint, "P12, with P1 and P2 as the joint covariance", len(joint), *joint.shape[2:])
+    sigma = deviations(P1 + P2)
+    S = symmetrised(P1 + P2 - P12 - P21) / sigma[:, None] / sigma
+    W = matmul(P1 - P12, _pseudo_inverse(S) / sigma[:, None] / sigma)
+    return wrap_rows(x1 + matvec(W, x2 - x1), angles), symmetrised(P1 - matmul(W, P1 - P21))
 
 
-def maximum_likelihood(xs, P_joint):
+def maximum_likelihood(xs, P_joint, angles=()):
     """Maximum-likelihood fusion of N correlated tracks: P = (Eᵀ 𝐏⁻¹ E)⁻¹, x = P Eᵀ 𝐏⁻¹ [x₁; …; x_N], E = 1 ⊗ I.
 
     It is found as the best linear unbiased combination, which exists for a singular 𝐏 too: minimise Wᵀ𝐏W subject to EᵀW = I.
@@ -78,6 +91,7 @@ def maximum_likelihood(xs, P_joint):
         Estimates of N tracks.
     P_joint : array_like, shape (N n, N n)
         Joint covariance of their errors, track after track; positive semidefinite.
+    angles : sequence of int
 
     Returns
     -------
@@ -89,18 +103,25 @@ def maximum_likelihood(xs, P_joint):
     ValueError
         No track, shapes that do not fit, a joint covariance that is not one.
     """
-    xs = _estimates(xs)
+    xs = list(xs)
+    xs = _estimates(xs, [f"xs[{i}]" for i in range(len(xs))], angles)
     n, N = len(xs[0]), len(xs)
     joint = check_covariance(P_joint, "P_joint", n * N)
-    E = np.tile(np.eye(n), (N, 1))
-    scale = np.trace(joint) / len(joint) or 1.0
-    bordered = np.block([[joint / scale, E], [E.T, np.zeros((n, n))]])
-    weights = np.linalg.lstsq(bordered, np.vstack([np.zeros((n * N, n)), np.eye(n)]), rcond=None)[0][: n * N]
-    x = np.einsum("ij,i...->j...", weights, np.concatenate(np.broadcast_arrays(*xs)))
-    return x, symmetrised(weights.T @ joint @ weights)
+    variances = joint.diagonal().reshape(N, n)
+    sigma = np.sqrt(
+        np.where(variances > 0, variances, variances.max(axis=0)).ravel()
+    )  # no variance: the unit of the other tracks' component
+    sigma[sigma == 0] = 1
+    E = np.tile(np.eye(n), (N, 1)) / sigma[:, None]
+    unit = np.linalg.norm(E, axis=0)
+    bordered = np.block([[joint / np.outer(sigma, sigma), E / unit], [(E / unit).T, np.zeros((n, n))]])
+    weights = np.linalg.lstsq(bordered, np.vstack([np.zeros((n * N, n)), np.eye(n)]), rcond=_ROUNDING)[0][: n * N]
+    weights /= np.outer(sigma, unit)
+    x = np.einsum("ij,i...->j...", weights, np.concatenate(xs))
+    return wrap_rows(x, angles), symmetrised(weights.T @ joint @ weights)
 
 
-def covariance_intersection(x1, P1, x2, P2):
+def covariance_intersection(x1, P1, x2, P2, angles=()):
     """Covariance intersection: P⁻¹ = ωP₁⁻¹ + (1−ω)P₂⁻¹ with the ω in [0, 1] that makes det P least. Never overconfident, whatever the correlation.
 
     With λ the eigenvalues of P₂P₁⁻¹ the determinant's logarithm is −Σ log(1 + ω(λ − 1)) up to a constant; it is convex, and the root of its derivative is
@@ -111,6 +132,7 @@ def covariance_intersection(x1, P1, x2, P2):
     x1, x2 : array_like, shape (n,) or (n, M)
     P1, P2 : array_like, shape (n, n) or (n, n, M)
         Positive definite.
+    angles : sequence of int
 
     Returns
     -------
@@ -121,10 +143,9 @@ def covariance_intersection(x1, P1, x2, P2):
     ValueError
         Shapes that do not fit, or a P that is not positive definite.
     """
-    x1, P1, x2, P2, _ = _pair(x1, P1, x2, P2, definite=True)
-    P1, P2 = _alike(P1, P2)
+    (x1, x2), (P1, P2) = _tracks([x1, x2], [P1, P2], ["x1", "x2"], ["P1", "P2"], angles)
     first, second = inverse(P1), inverse(P2)
-    ratios = np.linalg.eigvals(np.moveaxis(matmul(P2, first), (0, 1), (-2, -1))).real - 1
+    ratios = np.linalg.svd(_last(solve_lower(cholesky(P1), cholesky(P2))), compute_uv=False) ** 2 - 1
     low, high = np.zeros(ratios.shape[:-1]), np.ones(ratios.shape[:-1])
     for _ in range(60):
         middle = 0.5 * (low + high)
@@ -132,10 +153,11 @@ def covariance_intersection(x1, P1, x2, P2):
         low, high = np.where(slope > 1e-9, middle, low), np.where(slope < -1e-9, middle, high)
     omega = 0.5 * (low + high)
     P = inverse(omega * first + (1 - omega) * second)
-    return matvec(P, matvec(omega * first, x1) + matvec((1 - omega) * second, x2)), symmetrised(P)
+    x = matvec(P, matvec(omega * first, x1) + matvec((1 - omega) * second, x2))
+    return wrap_rows(x, angles), symmetrised(P)
 
 
-def information_fusion(x_prior, P_prior, xs, Ps, x_priors, P_priors):
+def information_fusion(x_prior, P_prior, xs, Ps, x_priors, P_priors, angles=()):
     """Fusion of what each track has learnt since its own prediction: P⁻¹ = P̄⁻¹ + Σ(Pᵢ⁻¹ − P̄ᵢ⁻¹), and so for P⁻¹x.
 
     Done at every step it equals the centralised filter. Without feedback each track keeps its own prediction (x̄ᵢ, P̄ᵢ); with feedback all of them predict from
@@ -149,6 +171,7 @@ def information_fusion(x_prior, P_prior, xs, Ps, x_priors, P_priors):
         The tracks after their measurements.
     x_priors, P_priors : sequences
         The tracks before their measurements.
+    angles : sequence of int
 
     Returns
     -------
@@ -159,19 +182,20 @@ def information_fusion(x_prior, P_prior, xs, Ps, x_priors, P_priors):
     ValueError
         As for `convex_combination`.
     """
-    (x_bar,), (P_bar,) = _tracks([x_prior], [P_prior], "x_prior", "P_prior")
-    xs, Ps = _tracks(xs, Ps)
-    x_priors, P_priors = _tracks(x_priors, P_priors, "x_priors", "P_priors")
-    if len(x_priors) != len(xs) or len(xs[0]) != len(x_bar):
-        raise ValueError(f"x_priors: expected {len(xs)} tracks of {len(x_bar)} components, got {len(x_priors)} of {len(x_priors[0])}")
-    information = inverse(P_bar)
-    state = matvec(information, x_bar)
-    for x, P, x_i, P_i in zip(xs, Ps, x_priors, P_priors, strict=True):
-        after, before = inverse(P), inverse(P_i)
-        information = information + after - before
-        state = state + matvec(after, x) - matvec(before, x_i)
+    after, before = _named("xs", xs, "Ps", Ps), _named("x_priors", x_priors, "P_priors", P_priors)
+    N = len(after[0])
+    if len(before[0]) != N:
+        raise ValueError(f"x_priors: expected {N} tracks, as in xs, got {len(before[0])}")
+    fused = [x_prior], [P_prior], ["x_prior"], ["P_prior"]
+    xs, Ps = _tracks(*(a + b + c for a, b, c in zip(fused, after, before, strict=True)), angles)
+    weights = [inverse(P) for P in Ps]
+    states = [matvec(weight, x) for weight, x in zip(weights, xs, strict=True)]
+    information, state = weights[0], states[0]
+    for i in range(1, N + 1):
+        information = information + weights[i] - weights[N + i]
+        state = state + states[i] - states[N + i]
     P = inverse(information)
-    return matvec(P, state), symmetrised(P)
+    return wrap_rows(matvec(P, state), angles), symmetrised(P)
 
 
 def cross_covariance(P12, F, Q, K1, H1, K2, H2):
@@ -196,64 +220,53 @@ def cross_covariance(P12, F, Q, K1, H1, K2, H2):
     ValueError
         Shapes that do not fit, or numbers that are not finite.
     """
-    P12 = np.asarray(P12, dtype=float)
-    n = len(np.atleast_1d(P12))
-    P12, F, Q = _cross(P12, "P12", n, None), _cross(F, "F", n, None), check_covariance(Q, "Q", n)
-    gains = []
+    P12 = check_matrix(P12, "P12", (None, len(np.atleast_1d(P12))))
+    n = len(P12)
+    F, Q = check_matrix(F, "F", (n, n)), check_covariance(Q, "Q", n)
+    kept = []
     for name, K, H in (("1", K1, H1), ("2", K2, H2)):
-        K, H = np.asarray(K, dtype=float), np.asarray(H, dtype=float)
-        if (
-            K.ndim != 2
-            or H.ndim != 2
-            or K.shape != (n, H.shape[0])
-            or H.shape[1] != n
-            or not (np.isfinite(K).all() and np.isfinite(H).all())
-        ):
-            raise ValueError(f"K{name}, H{name}: expected finite shapes ({n}, m) and (m, {n}), got {K.shape} and {H.shape}")
-        gains.append(np.eye(n) - K @ H)
-    return gains[0] @ (congruence(F, P12) + Q) @ gains[1].T
+        H = check_matrix(H, f"H{name}", (None, n))
+        kept.append(np.eye(n) - check_matrix(K, f"K{name}", (n, len(H))) @ H)
+    return kept[0] @ (congruence(F, P12) + Q) @ kept[1].T
 
 
-def _estimates(xs, name="xs"):
-    xs = list(xs)
-    if not xs:
-        raise ValueError(f"{name}: expected at least one track, got an empty list")
-    n = len(np.atleast_1d(xs[0]))
-    return [check_array(x, f"{name}[{i}]", n) for i, x in enumerate(xs)]
-
-
-def _tracks(xs, Ps, x_name="xs", P_name="Ps"):
-    """Checked lists of estimates and definite covariances."""
-    xs, Ps = _estimates(xs, x_name), list(Ps)
+def _named(x_name, xs, P_name, Ps):
+    """Lists of estimates and covariances, as many of the one as of the other, and their names in messages."""
+    xs, Ps = list(xs), list(Ps)
     if len(Ps) != len(xs):
         raise ValueError(f"{P_name}: expected {len(xs)} covariances, one a track, got {len(Ps)}")
-    n, runs = len(xs[0]), _runs(*xs)
-    return xs, [check_covariance(P, f"{P_name}[{i}]", n, runs, definite=True) for i, P in enumerate(Ps)]
+    return xs, Ps, [f"{x_name}[{i}]" for i in range(len(xs))], [f"{P_name}[{i}]" for i in range(len(xs))]
 
 
-def _pair(x1, P1, x2, P2, definite=False):
-    """Two checked tracks, and the number of runs."""
-    n = len(np.atleast_1d(x1))
-    x1, x2 = check_array(x1, "x1", n), check_array(x2, "x2", n)
-    runs = _runs(x1, x2)
-    return x1, check_covariance(P1, "P1", n, runs, definite), x2, check_covariance(P2, "P2", n, runs, definite), runs
+def _estimates(xs, names, angles):
+    """Checked estimates, all (n,) or all (n, M), their angular components within half a turn of the first one's."""
+    if not xs:
+        raise ValueError("xs: expected at least one track, got an empty list")
+    first = check_array(xs[0], names[0], None)
+    xs = [first, *(check_array(x, name, len(first)) for x, name in zip(xs[1:], names[1:], strict=True))]
+    if any(x.shape != first.shape or x.ndim > 2 for x in xs):
+        raise ValueError(f"{', '.join(names)}: expected estimates that are all (n,) or all (n, M), got {[x.shape for x in xs]}")
+    rows = list(check_angles(angles, len(first)))
+    if rows:
+        xs = [np.array(x) for x in xs]
+        for x in xs[1:]:
+            x[rows] = first[rows] + wrap(x[rows] - first[rows])
+    return xs
 
 
-def _runs(*xs):
-    """Number of runs among the estimates, None for one target; they must agree."""
-    shapes = {x.shape[1:] for x in xs}
-    if len(shapes) > 1 or any(len(shape) > 1 for shape in shapes):
-        raise ValueError(f"xs: expected estimates that are all (n,) or all (n, M), got {[x.shape for x in xs]}")
-    (shape,) = shapes
-    return shape[0] if shape else None
+def _tracks(xs, Ps, x_names, P_names, angles, definite=True):
+    """Checked estimates, as `_estimates` returns them, and covariances."""
+    xs = _estimates(xs, x_names, angles)
+    return xs, _alike(*(check_covariance(P, name, len(xs[0]), _runs(xs), definite) for P, name in zip(Ps, P_names, strict=True)))
+
+
+def _runs(xs):
+    """Number of runs among the estimates, None for one target."""
+    return xs[0].shape[1] if xs[0].ndim == 2 else None
 
 
 def _cross(value, name, n, runs):
-    A = np.asarray(value, dtype=float)
-    shapes = [(n, n)] if runs is None else [(n, n), (n, n, runs)]
-    if A.shape not in shapes or not np.all(np.isfinite(A)):
-        raise ValueError(f"{name}: expected finite numbers of shape {' or '.join(map(str, shapes))}, got shape {A.shape}")
-    return A
+    return check_matrix(value, name, (n, n) if runs is None or np.ndim(value) == 2 else (n, n, runs))
 
 
 def _alike(*matrices):
@@ -266,13 +279,8 @@ def _last(A):
     return np.moveaxis(A, (0, 1), (-2, -1))
 
 
-def _check_joint(joint, name):
-    smallest = np.linalg.eigvalsh(joint)[..., 0]
-    if np.any(smallest < -1e-9 * np.max(np.abs(joint))):
-        raise ValueError(
-            f"{name}: expected a cross-covariance that P1 and P2 allow, got a joint covariance of smallest eigenvalue {np.min(smallest):.3g}"
-        )
-
-
 def _pseudo_inverse(S):
-    return np.moveaxis(np.linalg.pinv(_last(S), hermitian=True, rcond=1e-12), (-2, -1), (0, 1))
+    """Of symmetric S (n, n, ...) in units in which rounding is about 1e-16."""
+    values, vectors = np.linalg.eigh(_last(S))
+    inverted = np.where(values > _ROUNDING, 1 / np.where(values > _ROUNDING, values, 1), 0)
+    return np.einsum("...ik,...k,...jk->ij...", vectors, inverted, vectors)

@@ -136,3 +136,10 @@ def test_check_array_of_any_length_still_wants_a_first_axis():
     assert arrays.check_array([1, 2, 3], "x", None).shape == (3,)
     with pytest.raises(ValueError, match=r"x: expected shape \(n, ...\).*got \(\)"):
         arrays.check_array(1.0, "x", None)
+
+
+def test_a_matrix_is_finite_and_of_its_shape():
+    assert arrays.check_matrix([[1, 2]], "H", (None, 2)).shape == (1, 2)
+    for value, message in (([[1, np.inf]], "H: expected finite"), ([1, 2], r"H: expected shape \(n, 2\)"), (np.ones((1, 3)), "H")):
+        with pytest.raises(ValueError, match=message):
+            arrays.check_matrix(value, "H", (None, 2))

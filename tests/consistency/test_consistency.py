@@ -74,9 +74,42 @@ def test_cramer_rao_of_a_constant_is_variance_over_n():
     np.testing.assert_allclose(bound[:, 0, 0], 4 / np.arange(1, 11), rtol=1e-7)
 
 
+def test_cramer_rao_of_a_step_without_a_measurement_is_the_prediction():
+    F, Q, H = np.array([[1.0, 2.0], [0, 1]]), np.diag([0.0, 0.1]), np.array([[1.0, 0]])
+    bound = cramer_rao([F] * 2, [Q] * 2, [H, None], [[[4.0]], None], np.eye(2))
+    np.testing.assert_allclose(bound[1], F @ bound[0] @ F.T + Q)
+
+
+@pytest.mark.parametrize(
+    ("changed", "message"),
+    [
+        ({"F": np.eye(3)}, r"Fs\[1\]: expected shape \(2, 2\)"),
+        ({"F": np.diag([1, np.nan])}, r"Fs\[1\]: expected finite"),
+        ({"F": 1.0}, r"Fs\[1\]: expected shape"),
+        ({"Q": [[1, 0.5], [0, 1]]}, r"Qs\[1\]: expected a symmetric"),
+        ({"Q": -np.eye(2)}, r"Qs\[1\]: expected a positive semidefinite"),
+        ({"H": [1.0, 0]}, r"Hs\[1\]: expected shape \(n, 2\)"),
+        ({"H": [[np.inf, 0]]}, r"Hs\[1\]: expected finite"),
+        ({"R": [[-1.0]]}, r"Rs\[1\]: expected a positive semidefinite"),
+        ({"R": np.eye(2)}, r"Rs\[1\]: expected shape \(1, 1\)"),
+        ({"R": None}, r"Rs\[1\]"),
+        ({"H": [[0.0, 0]], "R": [[0.0]]}, r"Rs\[1\]: .* positive definite"),
+        ({"P0": 5.0}, "P0: expected shape"),
+        ({"P0": np.diag([1, 0])}, "P0: expected a positive definite"),
+        ({"P0": np.ma.array(np.eye(2), mask=np.eye(2))}, "P0.*masked"),
+    ],
+)
+def test_cramer_rao_names_the_matrix_and_its_step(changed, message):
+    right = {"F": np.eye(2), "Q": np.eye(2), "H": [[1.0, 0]], "R": [[1.0]], "P0": np.eye(2)}
+    wrong = right | changed
+    with pytest.raises(ValueError, match=message):
+        cramer_rao(*([right[key], wrong[key]] for key in "FQHR"), wrong["P0"])
+
+
 @pytest.mark.parametrize(
     ("call", "name"),
     [
+        (lambda: nees([1, 2], [1, 2], np.eye(2), angles=(2,)), "angles"),
         (lambda: nees([1, 2], [1, 2, 3], np.eye(3)), "x_true"),
         (lambda: nees([1, 2], [1, 2], np.zeros((2, 2))), "P"),
         (lambda: nees([1, 2], [1, np.nan], np.eye(2)), "x"),

@@ -1,6 +1,9 @@
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
+from trackhelpers.angles import residual, wrap
 from trackhelpers.fusion import (
     bar_shalom_campo,
     convex_combination,
@@ -253,3 +256,153 @@ I4 = np.eye(4)
 def test_bad_input_is_named(call, name):
     with pytest.raises(ValueError, match=name):
         call()
+
+
+JOINT = np.random.default_rng(20).normal(size=(10, 12))
+JOINT = JOINT @ JOINT.T  # of two tracks whose errors are correlated
+A1, A2, A12 = JOINT[:5, :5], JOINT[5:, 5:], JOINT[:5, 5:]
+RULES = {
+    "convex": lambda xs, D, **angles: convex_combination(xs, [D @ A1 @ D, D @ A2 @ D], **angles),
+    "BSC": lambda xs, D, **angles: bar_shalom_campo(xs[0], D @ A1 @ D, xs[1], D @ A2 @ D, D @ A12 @ D, **angles),
+    "ML": lambda xs, D, **angles: maximum_likelihood(xs, np.kron(np.eye(2), D) @ JOINT @ np.kron(np.eye(2), D), **angles),
+    "CI": lambda xs, D, **angles: covariance_intersection(xs[0], D @ A1 @ D, xs[1], D @ A2 @ D, **angles),
+    "information": lambda xs, D, **angles: information_fusion(
+        xs[0], 2 * D @ A1 @ D, xs, [D @ A1 @ D, D @ A2 @ D], 0.9 * xs, [2 * D @ A1 @ D, 3 * D @ A2 @ D], **angles
+    ),
+}
+I5 = np.eye(5)
+every_rule = pytest.mark.parametrize("rule", RULES.values(), ids=RULES)
+
+
+@pytest.mark.parametrize("runs", [(), (4,)])
+@every_rule
+def test_two_headings_beside_west_are_fused_beside_west(rule, runs):
+    xs = np.zeros((2, 5, *runs))
+    xs[:, 3] = np.reshape([3.10, -3.12], (2, *[1] * len(runs)))
+    if rule is RULES["information"]:
+        fused = information_fusion(xs[0], I5, xs, [I5 / 2, I5 / 2], xs[::-1], [I5, I5], angles=(3,))[0]
+    else:
+        fused = rule(xs, I5, angles=(3,))[0]
+    assert fused.shape == (5, *runs)
+    assert np.all(np.cos(fused[3] - np.pi) > 0.99) and np.all(np.abs(fused[3]) <= np.pi)
+
+
+def test_equal_headings_beside_west_meet_in_the_middle():
+    xs = np.zeros((2, 5))
+    xs[:, 3] = 3.10, -3.12
+    for x, _ in (
+        convex_combination(xs, [I5, I5], angles=(3,)),
+        bar_shalom_campo(xs[0], I5, xs[1], I5, 0.5 * I5, angles=(3,)),
+        maximum_likelihood(xs, np.eye(10), angles=(3,)),
+        covariance_intersection(xs[0], I5, xs[1], I5, angles=(3,)),
+    ):
+        np.testing.assert_allclose(x, [0, 0, 0, 3.13159265, 0], atol=1e-8)
+
+
+@pytest.mark.parametrize("runs", [(), (3,)])
+@pytest.mark.parametrize("turn", [0.5, np.pi - 1, np.pi, 7.0, -1 - 9 * np.pi])
+@every_rule
+def test_turning_all_headings_turns_the_fused_heading(rule, turn, runs):
+    rng = np.random.default_rng(21)
+    xs = rng.normal(size=(2, 5, *runs))
+    xs[:, 3] = 1 + np.reshape([-0.1, 0.1], (2, *[1] * len(runs)))  # to both sides of a heading
+    turned = xs.copy()
+    turned[:, 3] = wrap(turned[:, 3] + turn)
+    call = rule
+    if rule is RULES["information"]:  # whose priors must be turned alike
+        call = lambda xs, D, **angles: information_fusion(xs[0], 2 * A1, xs, [A1, A2], xs[::-1], [2 * A1, 3 * A2], **angles)  # noqa: E731
+    (x, P), (y, Q_) = call(xs, I5, angles=(3,)), call(turned, I5, angles=(3,))
+    x[3] += turn
+    np.testing.assert_allclose(residual(x, y, (3,)), 0, atol=1e-12)
+    np.testing.assert_array_equal(P, Q_)
+
+
+@every_rule
+def test_without_angles_nothing_is_wrapped(rule):
+    xs = np.random.default_rng(22).normal(size=(2, 5))
+    for a, b in zip(rule(xs, I5), rule(xs, I5, angles=()), strict=True):
+        assert np.array_equal(a, b)
+    far = xs + 50.0
+    if rule is not RULES["information"]:
+        np.testing.assert_allclose(rule(far, I5)[0], rule(xs, I5)[0] + 50.0, atol=1e-9)
+
+
+@settings(max_examples=50, deadline=None, derandomize=True)
+@given(powers=st.lists(st.floats(-6, 6), min_size=5, max_size=5))
+@every_rule
+def test_other_units_give_the_same_estimate_in_other_units(rule, powers):
+    xs = np.random.default_rng(23).normal(size=(2, 5))
+    D = np.diag(10.0 ** np.array(powers))
+    (x, P), (y, scaled) = rule(xs, I5), rule(xs @ D, D)
+    back = np.linalg.inv(D)
+    np.testing.assert_allclose(back @ y, x, rtol=1e-8, atol=1e-9)
+    np.testing.assert_allclose(back @ scaled @ back, P, rtol=1e-8, atol=1e-9)
+
+
+@settings(max_examples=50, deadline=None, derandomize=True)
+@given(powers=st.lists(st.floats(-6, 6), min_size=2, max_size=2))
+def test_a_direction_that_both_tracks_share_is_left_alone_in_all_units(powers):
+    """Both errors are equal along (1, 1): the difference's covariance is singular, whatever the units."""
+    D = np.diag(10.0 ** np.array(powers))
+    common, own = np.ones((2, 2)), np.outer([1, -1], [1, -1])
+    P1, P2 = D @ (common + own) @ D, D @ (common + 4 * own) @ D
+    x1, x2 = D @ [1.0, 0.0], D @ [2.0, -1.0]  # they differ along (1, −1)
+    expected = np.array([1.2, -0.2])
+    x, P = bar_shalom_campo(x1, P1, x2, P2, D @ common @ D)
+    np.testing.assert_allclose(np.linalg.inv(D) @ x, expected, atol=1e-9)
+    y, same_P = maximum_likelihood([x1, x2], np.block([[P1, D @ common @ D], [D @ common @ D, P2]]))
+    np.testing.assert_allclose(np.linalg.inv(D) @ y, expected, atol=1e-9)
+    for each in (P, same_P):
+        np.testing.assert_allclose(np.linalg.inv(D) @ each @ np.linalg.inv(D), common + 0.8 * own, atol=1e-9)
+
+
+def test_small_and_large_variances_are_weighed_alike():
+    P1, x1, x2 = np.diag([1e6, 1e-6]), np.zeros(2), np.ones(2)
+    for x, _ in (
+        bar_shalom_campo(x1, P1, x2, 4 * P1, np.zeros((2, 2))),
+        maximum_likelihood([x1, x2], np.diag([1e6, 1e-6, 4e6, 4e-6])),
+        maximum_likelihood([x1, x2], np.diag([1e6, 1e-8, 4e6, 4e-8])),
+    ):
+        np.testing.assert_allclose(x, [0.2, 0.2], atol=1e-12)
+
+
+def test_maximum_likelihood_takes_a_track_that_knows_a_component():
+    for unit in (1e-6, 1, 1e6):
+        joint = np.diag([0, 1, 1, 1, 0, 1]) * np.tile([unit**2, 1], 3)
+        x, P = maximum_likelihood([[unit, 0], [2 * unit, 3], [unit, 0]], joint)
+        np.testing.assert_allclose([x[0] / unit, x[1], P[0, 0] / unit**2, P[1, 1]], [1, 1, 0, 1 / 3], atol=1e-9)
+
+
+def test_one_common_covariance_stands_beside_one_of_each_run():
+    """Four runs of four components: a covariance (n, n) must not be taken for one that varies over the runs."""
+    xs = np.random.default_rng(24).normal(size=(2, 4, 4))
+    P1 = covariance(1)
+    P2 = np.stack([covariance(m) for m in range(2, 6)], axis=-1)
+    whole = {
+        "convex": (convex_combination, lambda x, P: (x, P)),
+        "CI": (covariance_intersection, lambda x, P: (x[0], P[0], x[1], P[1])),
+        "information": (information_fusion, lambda x, P: (x[0], 2 * P[0], x, P, x[::-1], [2 * P[0], 2 * P[1]])),
+    }
+    for rule, arguments in whole.values():
+        x, P = rule(*arguments(xs, [P1, P2]))
+        for m in range(4):
+            same((x[:, m], P[..., m]), rule(*arguments(xs[..., m], [P1, P2[..., m]])))
+
+
+@pytest.mark.parametrize("angles", [(5,), (-1,), (0.5,), 3, "3"])
+def test_angles_are_indices(angles):
+    for rule in RULES.values():
+        with pytest.raises(ValueError, match="angles: expected indices from 0 to 4"):
+            rule(np.ones((2, 5)), I5, angles=angles)
+
+
+def test_a_masked_estimate_is_no_estimate():
+    masked = np.ma.array(x2, mask=[0, 0, 0, 1])
+    for call in (
+        lambda: convex_combination([x1, masked], [I4, I4]),
+        lambda: bar_shalom_campo(masked, I4, x2, I4, 0 * I4),
+        lambda: maximum_likelihood([x1, x2], np.ma.array(np.eye(8), mask=np.eye(8))),
+        lambda: bar_shalom_campo(x1, I4, x2, I4, np.ma.array(0 * I4, mask=I4)),
+    ):
+        with pytest.raises(ValueError, match="masked"):
+            call()

@@ -1,13 +1,10 @@
-"""The ledger's files: stable bytes, nothing half written, every difference found, and a README in step."""
+"""The ledger's files: stable bytes, nothing half written, and every difference found."""
 
 import os
 
 import pytest
 
 from trackhelpers.ledger import COLUMNS, VERDICTS, Ledger, compare, files, folded, read_ledger, summary, summary_markdown
-from trackhelpers.ledger.readme import with_summary
-
-START, END = "<!-- ledger:start -->", "<!-- ledger:end -->"
 
 
 def write(folder, monkeypatch, notebook="2_kalman_filter", ours=1.0, note="", residual=2e-16, ids=("cell", "equation")):
@@ -137,23 +134,6 @@ def test_compare_reports_missing_files_from_both_sides_unless_excluded(folders, 
         f"1_thesis/3_motion_models: missing in {folders[0]}",
     ]
     assert compare(*folders, exclude={"1_thesis/2_kalman_filter", "1_thesis/3_motion_models"}) == []
-
-
-def test_the_summary_goes_between_the_marks_only_and_is_then_in_step(folders, monkeypatch):
-    write(folders[0], monkeypatch)
-    ledger = read_ledger(folders[0])
-    old = f"before\n{START}\nold\n{END}\nafter\n"
-    text = with_summary(old, ledger)
-    assert text == f"before\n{START}\n\n{summary_markdown(ledger)}\n{END}\nafter\n"
-    assert with_summary(text, ledger) == text != old
-    assert with_summary(text.replace("| 2 |", "| 3 |"), ledger) == text
-
-
-@pytest.mark.parametrize("text", ["no marks", START, f"{END} {START}", f"{START} {START} {END}", f"{START} {END} {END}"])
-def test_a_readme_without_its_marks_is_refused(text, folders, monkeypatch):
-    write(folders[0], monkeypatch)
-    with pytest.raises(ValueError, match="expected exactly one"):
-        with_summary(text, read_ledger(folders[0]))
 
 
 def test_the_folded_ledger_shows_every_row_of_every_notebook_with_its_texts_escaped(folders, monkeypatch):

@@ -101,9 +101,9 @@ def test_start_page_links_to_every_chapter():
     assert not missing
 
 
-def test_readme_is_in_step_with_the_ledger_and_the_measured_speed():
+def test_readme_is_in_step_with_the_ledger(ledger):
     text = (ROOT / "README.md").read_text(encoding="utf-8")
-    assert readme.generated(text) == text, "run python -m trackhelpers.suite readme"
+    assert readme.with_summary(text, ledger) == text, "run python -m trackhelpers.suite readme"
 
 
 def test_readme_shows_the_figure_that_the_notebook_stores():

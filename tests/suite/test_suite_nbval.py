@@ -8,7 +8,7 @@ import sys
 import pytest
 
 from trackhelpers.ledger import COLUMNS
-from trackhelpers.suite import NEEDS, ROOT
+from trackhelpers.suite import LONGEST, NEEDS, ROOT
 from trackhelpers.suite.run import COLOUR, run
 
 SANITIZE = "sanitize.cfg"
@@ -66,3 +66,12 @@ def test_a_number_that_moved_and_a_warning_fail(session):
     assert done.returncode == 1, done.stdout
     assert "2 failed, 1 passed" in done.stdout.splitlines()[-1]
     assert "UserWarning: mind" in COLOUR.sub("", done.stdout)
+
+
+def test_the_longest_notebooks_come_first_and_their_cells_in_order(session, store):
+    _, test = session
+    for name in reversed(LONGEST):
+        store(name, *(f"{i}" for i in range(12)))
+    found = [line for line in test("--collect-only", "-q").stdout.splitlines() if "::" in line]
+    expected = [f"notebooks/{name}::Cell {i}" for name in LONGEST for i in range(12)]
+    assert found == expected + [f"notebooks/1_thesis/1_first.ipynb::Cell {i}" for i in range(3)]

@@ -5,6 +5,7 @@ from trackhelpers.filters.imm import ManoeuvreIMM
 from trackhelpers.filters.input_estimation import InputEstimationKF
 from trackhelpers.filters.matrices import MatrixKF
 from trackhelpers.filters.motion_ekf import MotionEKF
+from trackhelpers.filters.motion_imm import MotionIMM
 from trackhelpers.filters.motion_kf import MotionKF
 from trackhelpers.filters.motion_ukf import MotionUKF
 from trackhelpers.filters.strong_tracking import StrongTrackingKF
@@ -18,6 +19,7 @@ __all__ = [
     "ManoeuvreIMM",
     "MatrixKF",
     "MotionEKF",
+    "MotionIMM",
     "MotionKF",
     "MotionUKF",
     "StrongTrackingKF",

@@ -53,6 +53,7 @@ class OneTarget:
     """
 
     _angles = ()  # indices of the state components that are angles
+    smoothable = False  # whether its covariances are those of a model, so that a smoother may go back over them
 
     @property
     def estimate(self):

@@ -3,15 +3,7 @@
 import numpy as np
 from filterpy.kalman import KalmanFilter
 
-from trackhelpers.arrays import check_array, check_covariance
-
-
-def check_matrix(value, name, shape):
-    """`value` as a float array of the given shape; ValueError unless it has it and is finite."""
-    matrix = check_array(value, name, shape[0], tuple(shape[1:]))
-    if not np.all(np.isfinite(matrix)):
-        raise ValueError(f"{name}: expected finite numbers, got {np.count_nonzero(~np.isfinite(matrix))} that are not")
-    return matrix
+from trackhelpers.arrays import check_array, check_covariance, check_matrix
 
 
 class MatrixKF(KalmanFilter):

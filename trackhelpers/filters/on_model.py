@@ -23,6 +23,8 @@ REFUSED = {  # of filterpy's methods, on every filter that takes a model and a s
 class OnModel(OneTarget):
     """The arguments and the bookkeeping that the three filters share."""
 
+    smoothable = True
+
     def _start(self, model, x0, P0):
         self.model, self._angles = model, model.angles
         self.x = model.normalise(check_array(x0, "x0", model.n, ()))

@@ -12,6 +12,14 @@ FIRST_PAGE = "00_start_here.ipynb"
 # Notebooks that need a public file that may be out of reach; without it they are skipped by name and keep their committed outputs.
 NEEDS = {"1_thesis/4_3_public_log.ipynb": "obj_pose-laser-radar-synthetic-input.txt"}
 
+# Those that run longest (half a minute to two minutes), the longest first: begun last, one of them would run on alone.
+LONGEST = (
+    "3_augmented_bias/3_simulation.ipynb",
+    "2_track_fusion/4_experiments.ipynb",
+    "3_augmented_bias/0_introduction.ipynb",
+    "1_thesis/3_motion_models.ipynb",
+)
+
 
 def notebooks(folder=NOTEBOOKS):
     """Return the notebooks below `folder` in reading order, numbers in names counted as numbers; hidden folders are left out."""
@@ -22,6 +30,18 @@ def notebooks(folder=NOTEBOOKS):
 def _natural(name):
     """Sort key that puts 2_b before 10_a; the pieces alternate between text and number, so that keys compare."""
     return [int(piece) if i % 2 else piece for i, piece in enumerate(re.split(r"(\d+)", name))]
+
+
+def longest_first(items, folder=NOTEBOOKS, path=Path):
+    """Return `items` with the notebooks of `LONGEST` first, the others after them as they come.
+
+    Parameters
+    ----------
+    items : iterable
+        Paths below `folder`, or anything of which `path` tells its own; the items of one notebook keep their order.
+    """
+    rank = {Path(folder) / name: i for i, name in enumerate(LONGEST)}
+    return sorted(items, key=lambda item: rank.get(path(item), len(LONGEST)))
 
 
 def missing_data(path, folder=NOTEBOOKS):

@@ -1,15 +1,14 @@
-"""The README's generated parts: the summary of the ledger, the measured speed, and one figure taken from a notebook."""
+"""The README's generated parts: the summary of the ledger between its two marks, and one figure taken from a notebook."""
 
 import base64
 
 import nbformat
 
-from trackhelpers.ledger import read_ledger
-from trackhelpers.ledger.readme import replaced, with_summary
+from trackhelpers.ledger import read_ledger, summary_markdown
 from trackhelpers.suite import NOTEBOOKS, ROOT
 
 FIGURE = ROOT / "book" / "readme.png"
-SPEED = ROOT / "benchmarks" / "results.md"
+START, END = "<!-- ledger:start -->", "<!-- ledger:end -->"
 FIGURE_TAG = "readme-figure"
 
 
@@ -31,14 +30,23 @@ def tagged_figure(folder=NOTEBOOKS):
     return base64.b64decode(found[0])
 
 
-def generated(text):
-    """Return the README's `text` with its generated blocks in step with the committed ledger and the last measurement."""
-    _, _, measured = SPEED.read_text(encoding="utf-8").partition("\n")
-    return replaced(with_summary(text, read_ledger()), "speed", measured.strip().replace("\n## ", "\n#### ") + "\n")
+def with_summary(text, ledger):
+    """Return a README's `text` with the summary of `ledger` between `START` and `END`.
+
+    Raises
+    ------
+    ValueError
+        When the marks are not there, once each and in this order.
+    """
+    before, _, rest = text.partition(START)
+    _, end, after = rest.partition(END)
+    if not end or START in rest or END in before + after:
+        raise ValueError(f"text has no block from {START} to {END}, expected exactly one")
+    return f"{before}{START}\n\n{summary_markdown(ledger)}\n{END}{after}"
 
 
 def write():
     """Bring README.md and its figure in step with what is committed."""
     readme = ROOT / "README.md"
-    readme.write_text(generated(readme.read_text(encoding="utf-8")), encoding="utf-8", newline="\n")
+    readme.write_text(with_summary(readme.read_text(encoding="utf-8"), read_ledger()), encoding="utf-8", newline="\n")
     FIGURE.write_bytes(tagged_figure())

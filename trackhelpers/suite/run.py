@@ -1,4 +1,4 @@
-"""Runs notebooks, two at a time, and stops at the first cell that fails, warns or writes to stderr."""
+"""Runs notebooks, two at a time and the longest first, and stops at the first cell that fails, warns or writes to stderr."""
 
 import asyncio
 import re
@@ -9,7 +9,7 @@ import nbformat
 from nbclient import NotebookClient
 from tqdm import tqdm
 
-from trackhelpers.suite import FIRST_PAGE, NOTEBOOKS, form, missing_data
+from trackhelpers.suite import FIRST_PAGE, NOTEBOOKS, form, longest_first, missing_data
 from trackhelpers.suite.kernel import strict_kernels
 
 COLOUR = re.compile(r"\x1b\[[0-9;]*m")
@@ -42,7 +42,7 @@ def run(paths, destination, *, folder=NOTEBOOKS, results=None, jobs=2, timeout=6
         At the first cell that raises (a warning does), writes to stderr, or takes too long. Notebooks then running are dropped.
     """
     todo = []
-    for path in map(Path, paths):
+    for path in longest_first(map(Path, paths), folder):
         notebook = nbformat.read(path, as_version=4)
         reason = missing_data(path, folder)
         if reason:
@@ -96,6 +96,7 @@ async def _execute(notebook, name, cwd, timeout, bar):
         notebook,
         kernel_name="python3",
         timeout=timeout,
+        startup_timeout=600,  # nbclient's minute is too short for a machine under load
         record_timing=False,
         store_widget_state=False,
         coalesce_streams=True,

@@ -1,0 +1,184 @@
+"""The loop that everybody writes: predict, take the sensor's measurement, correct, keep what it gave; and the smoother that goes back over it."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from trackhelpers import angles as _angles
+from trackhelpers.arrays import check_dt, divide
+
+
+class History:
+    """What `follow` kept; index k is after zs[k], and time lies between the components and the runs.
+
+    Attributes
+    ----------
+    filter : the filter, as the last step left it
+    t : numpy.ndarray, shape (N,)
+        Time after each step, s.
+    x (n, N[, M]), P (n, n, N[, M]) : the filter's `estimate` and `estimate_P`
+    y (m, N[, M]), S (m, m, N[, M]) : innovations and their covariances, m the largest measurement; NaN where there is nothing
+        Each of them, and any other attribute that was asked for, only where it was kept.
+    """
+
+    def __init__(self, filter, t, kept, steps):
+        self.filter, self.t, self._steps = filter, t, steps
+        for name, value in kept.items():
+            setattr(self, name, value)
+        self._kept = tuple(kept)
+
+    def __repr__(self):
+        shapes = ", ".join(f"{name} {getattr(self, name).shape}" for name in self._kept)
+        return f"History({type(self.filter).__name__}, {len(self.t)} steps: {shapes})"
+
+
+class Smoothed(NamedTuple):
+    """Estimates given all measurements: x (n, N) and P (n, n, N)."""
+
+    x: np.ndarray
+    P: np.ndarray
+
+
+class _Step(NamedTuple):
+    """What smoothing needs of a step: moments before and after the measurement, and the covariance of the state before the step with that after it."""
+
+    x_prior: np.ndarray
+    P_prior: np.ndarray
+    cross: np.ndarray
+    x: np.ndarray
+    P: np.ndarray
+
+
+def follow(kf, zs, sensors=None, dt=None, t0=0.0, Rs=None, masks=None, keep=None):
+    """Run a filter of one target, or an ensemble, over a sequence of measurements.
+
+    For each k: predict over dt[k], take the sensor as it is at t0 + dt[0] + … + dt[k] (`Sensor.at`), correct by zs[k].
+
+    Parameters
+    ----------
+    kf : a filter of `trackhelpers.filters` or an ensemble of `trackhelpers.ensemble`
+        It is moved on, and ends where the last measurement leaves it.
+    zs : sequence of N measurements
+        Each (m,), for an ensemble (m, M) or (m, 1), or None: a missed scan.
+    sensors : Sensor or sequence of N, optional
+        One for all, or one a measurement (None where that is missed). Left out for filters on matrices, which have theirs.
+    dt : float or sequence of N, optional
+        Step before each measurement, s, ≥ 0: 0 for a second sensor at the same instant. Left out for filters on matrices.
+    t0 : float
+        Time at the start, s.
+    Rs : array_like (m, m) or sequence of N, optional
+        Noise covariances in the place of the sensor's; None in a sequence keeps the sensor's own.
+    masks : sequence of N, optional
+        For an ensemble: booleans (M,), the runs that are measured, or None for all.
+    keep : sequence of str, optional
+        What to keep: "x", "P", "y", "S", or any attribute of the filter (K, mu, …). By default x, P, y and S; of an ensemble x alone, which is large enough.
+
+    Returns
+    -------
+    History
+
+    Raises
+    ------
+    ValueError
+        Sequences of another length than zs, before anything is moved; what predict and update raise, with the index of the measurement, at which the filter then stands.
+    """
+    zs = list(zs)
+    sensors, steps, Rs, masks = (_each(value, name, zs) for value, name in ((sensors, "sensors"), (dt, "dt"), (Rs, "Rs"), (masks, "masks")))
+    steps = None if steps is None else [check_dt(step, "dt") for step in steps]
+    t = t0 + (np.arange(1, len(zs) + 1) if steps is None else np.cumsum(steps))
+    many = hasattr(kf, "runs")
+    keep = (("x",) if many else ("x", "P", "y", "S")) if keep is None else tuple(keep)
+    kept, smoothable = {name: [] for name in keep}, getattr(kf, "smoothable", False)
+    passed = []
+    for k, z in enumerate(zs):
+        P_before = kf.P
+        try:
+            kf.predict(*(() if steps is None else (steps[k],)))
+            if smoothable:
+                cross = kf.cross if hasattr(kf, "cross") else P_before @ kf.F.T
+                prior = kf.x.copy(), kf.P.copy(), cross
+            kf.update(z, **_arguments(k, t[k], sensors, Rs, masks))
+        except ValueError as error:
+            raise ValueError(f"zs[{k}]: {error}") from error
+        if smoothable:
+            passed.append(_Step(*prior, kf.x.copy(), kf.P.copy()))
+        for name, values in kept.items():
+            values.append(np.array(getattr(kf, {"x": "estimate", "P": "estimate_P"}.get(name, name)), dtype=float))
+    return History(kf, t, {name: _stacked(values, many) for name, values in kept.items()}, passed if smoothable else None)
+
+
+def smooth(history):
+    """The Rauch–Tung–Striebel smoother over what `follow` kept: the estimate of each step given all measurements.
+
+    Going back, x̂ₖ|N = x̂ₖ + G (x̂ₖ₊₁|N − x̂ₖ₊₁|ₖ) and Pₖ|N = Pₖ + G (Pₖ₊₁|N − Pₖ₊₁|ₖ) Gᵀ with G = Cov(xₖ, xₖ₊₁) Pₖ₊₁|ₖ⁻¹, where the covariance is P Fᵀ for the Kalman filter and
+    the extended one, and that of the sigma points for the unscented one. Steps of any length, missed scans, and several sensors at one instant are all right.
+
+    Parameters
+    ----------
+    history : History
+        Of one target.
+
+    Returns
+    -------
+    Smoothed
+        Of the filter's state, (n, N) and (n, n, N).
+
+    Raises
+    ------
+    ValueError
+        The history of an ensemble, or of a filter whose covariance is not that of a model (adaptive and switching ones).
+
+    References
+    ----------
+    H. E. Rauch, F. Tung, C. T. Striebel, AIAA Journal 3 (1965) 1445–1450; S. Särkkä, IEEE Transactions on Automatic Control 53 (2008) 845–849, for the unscented one.
+    """
+    if getattr(history, "_steps", None) is None:
+        kind = type(getattr(history, "filter", history)).__name__
+        raise ValueError(
+            f"history: expected that of one target's MotionKF, MotionEKF, MotionUKF or filter on constant matrices, got {kind}"
+        )
+    steps, wrap = history._steps, history.filter._angles
+    xs, Ps = [steps[-1].x], [steps[-1].P]
+    for now, ahead in zip(reversed(steps[:-1]), reversed(steps[1:]), strict=True):
+        G = divide(ahead.cross, ahead.P_prior)
+        xs.append(_angles.wrap_components(now.x + G @ _angles.residual(xs[-1], ahead.x_prior, wrap), wrap))
+        P = now.P + G @ (Ps[-1] - ahead.P_prior) @ G.T
+        Ps.append((P + P.T) / 2)
+    return Smoothed(np.stack(xs[::-1], axis=-1), np.stack(Ps[::-1], axis=-1))
+
+
+def _arguments(k, t, sensors, Rs, masks):
+    found = {}
+    if sensors is not None:
+        found["sensor"] = None if sensors[k] is None else sensors[k].at(t)
+    if Rs is not None and Rs[k] is not None:
+        found["R"] = Rs[k]
+    if masks is not None:
+        found["mask"] = masks[k]
+    return found
+
+
+def _each(value, name, zs):
+    """`value` as a list, one for each measurement; None stays None."""
+    if value is None:
+        return None
+    if name == "sensors":
+        one = hasattr(value, "at")
+    else:
+        one = np.ndim(value) == (2 if name == "Rs" else 0) if not isinstance(value, (list, tuple)) else False
+    values = [value] * len(zs) if one else list(value)
+    if len(values) != len(zs):
+        raise ValueError(f"{name}: expected one for all or {len(zs)}, one a measurement, got {len(values)}")
+    return values
+
+
+def _stacked(values, many):
+    """One array with time behind the components, (…, N) or (…, N, M), shorter values padded with NaN."""
+    axes = values[0].ndim - (1 if many else 0) if values else 0
+    largest = [max((value.shape[i] for value in values), default=0) for i in range(axes)]
+    padded = []
+    for value in values:
+        whole = np.full((*largest, *value.shape[axes:]), np.nan)
+        whole[tuple(slice(size) for size in value.shape[:axes])] = value
+        padded.append(whole)
+    return np.stack(padded, axis=axes) if padded else np.zeros((0, 0))
