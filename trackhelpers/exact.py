@@ -24,12 +24,12 @@ class Gains(NamedTuple):
 
 def gain(P, H, R):
     """S = H P Hᵀ + R, K = P Hᵀ S⁻¹ and I − K H of one measurement, for the predicted covariance P (n, n); ValueError unless S is positive definite."""
-    S = symmetrised(H @ P @ H.T) + R
+    S = symmetrised(H @ P @ H.T) + R  # inverted by its Cholesky root, which also tells whether it is positive definite
     try:
-        np.linalg.cholesky(S)
+        root = np.linalg.inv(np.linalg.cholesky(S))
     except np.linalg.LinAlgError:
         raise ValueError(f"R: expected H P⁻ Hᵀ + R to be positive definite, got {S.tolist()}") from None
-    K = np.linalg.solve(S, H @ P).T
+    K = P @ H.T @ (root.T @ root)
     return S, K, np.eye(len(P)) - K @ H
 
 
