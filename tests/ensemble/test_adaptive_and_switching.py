@@ -5,7 +5,7 @@ import pytest
 
 from trackhelpers.ensemble import adaptive, switching
 from trackhelpers.ensemble.adaptive import EnsembleStrongTrackingKF
-from trackhelpers.ensemble.matrices import EnsembleMatrixKF
+from trackhelpers.ensemble.many_matrix_filters import EnsembleMatrixKF
 from trackhelpers.filters import MatrixKF, StrongTrackingKF
 from trackhelpers.scenarios.augmented_bias import contenders as c
 from trackhelpers.scenarios.augmented_bias import target

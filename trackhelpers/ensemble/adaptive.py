@@ -10,7 +10,8 @@ from scipy import stats
 
 from trackhelpers.arrays import check_scale, congruence, matvec
 from trackhelpers.consistency import nis
-from trackhelpers.detection import (
+from trackhelpers.ensemble.many_matrix_filters import EnsembleMatrixKF
+from trackhelpers.manoeuvre import (
     OneAPrediction,
     check_forgetting,
     check_inflation,
@@ -20,7 +21,6 @@ from trackhelpers.detection import (
     constant_input,
     fading_limit,
 )
-from trackhelpers.ensemble.matrices import EnsembleMatrixKF
 
 
 class EnsembleStrongTrackingKF(EnsembleMatrixKF):

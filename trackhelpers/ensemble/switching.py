@@ -10,7 +10,8 @@ from scipy import stats
 
 from trackhelpers.arrays import check_covariance
 from trackhelpers.consistency import nis
-from trackhelpers.detection import (
+from trackhelpers.ensemble.many_matrix_filters import Matrices, check_runs
+from trackhelpers.manoeuvre import (
     OneAPrediction,
     check_pair,
     check_probability,
@@ -21,7 +22,6 @@ from trackhelpers.detection import (
     manoeuvre_start,
     position_rows,
 )
-from trackhelpers.ensemble.matrices import Matrices, check_runs
 
 
 def _matrices(model, R, dt):

@@ -3,7 +3,7 @@
 from trackhelpers.filters.augmented_bias import READINGS, AugmentedBiasKF, augmented_matrices
 from trackhelpers.filters.imm import ManoeuvreIMM
 from trackhelpers.filters.input_estimation import InputEstimationKF
-from trackhelpers.filters.matrices import MatrixKF
+from trackhelpers.filters.matrix_filter import MatrixKF
 from trackhelpers.filters.motion import MotionEKF, MotionKF, MotionUKF
 from trackhelpers.filters.strong_tracking import StrongTrackingKF
 from trackhelpers.filters.variable_dimension import VariableDimensionKF

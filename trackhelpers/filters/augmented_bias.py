@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from trackhelpers.arrays import check_covariance
-from trackhelpers.filters.matrices import MatrixKF, check_matrix
+from trackhelpers.filters.matrix_filter import MatrixKF, check_matrix
 
 
 class AugmentedMatrices(NamedTuple):

@@ -4,8 +4,8 @@ import numpy as np
 from filterpy.kalman import IMMEstimator
 
 from trackhelpers.arrays import check_array, check_covariance
-from trackhelpers.detection import OneAPrediction, check_pair, check_switching, position_rows
-from trackhelpers.filters.matrices import MatrixKF
+from trackhelpers.filters.matrix_filter import MatrixKF
+from trackhelpers.manoeuvre import OneAPrediction, check_pair, check_switching, position_rows
 
 
 def embedding(quiet, manoeuvring):

@@ -4,15 +4,15 @@ from collections import deque
 
 from scipy import stats
 
-from trackhelpers.detection import OneAPrediction, check_input, check_probability, constant_input
-from trackhelpers.filters.matrices import MatrixKF
+from trackhelpers.filters.matrix_filter import MatrixKF
+from trackhelpers.manoeuvre import OneAPrediction, check_input, check_probability, constant_input
 
 
 class InputEstimationKF(OneAPrediction, MatrixKF):
     """Kalman filter with a piecewise constant input, whose changes it finds in its innovations.
 
     At every step the innovations of the last `window` steps give a least squares estimate of a change of the input at the window's beginning
-    (`trackhelpers.detection.constant_input`). A significant one corrects the state and its covariance, goes into the input of the following predictions, and the
+    (`trackhelpers.manoeuvre.constant_input`). A significant one corrects the state and its covariance, goes into the input of the following predictions, and the
     window begins anew.
 
     Parameters

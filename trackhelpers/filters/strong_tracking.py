@@ -3,8 +3,8 @@
 import numpy as np
 
 from trackhelpers.arrays import check_scale
-from trackhelpers.detection import check_forgetting
-from trackhelpers.filters.matrices import MatrixKF
+from trackhelpers.filters.matrix_filter import MatrixKF
+from trackhelpers.manoeuvre import check_forgetting
 
 
 class StrongTrackingKF(MatrixKF):

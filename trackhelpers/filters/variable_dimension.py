@@ -7,7 +7,8 @@ from scipy import stats
 
 from trackhelpers.arrays import check_array, check_covariance
 from trackhelpers.consistency import nis
-from trackhelpers.detection import (
+from trackhelpers.filters.matrix_filter import MatrixKF
+from trackhelpers.manoeuvre import (
     OneAPrediction,
     check_pair,
     check_probability,
@@ -17,14 +18,13 @@ from trackhelpers.detection import (
     manoeuvre_start,
     position_rows,
 )
-from trackhelpers.filters.matrices import MatrixKF
 
 
 class VariableDimensionKF(OneAPrediction, MatrixKF):
     """Kalman filter that changes its model, and with it its dimension, between rest and manoeuvre.
 
     *At rest* it runs `quiet` and sums its NIS with a fading memory of `window` steps. When the sum passes its limit, the manoeuvre is taken to have begun `window` + 1
-    steps ago: the state with acceleration is started there (`trackhelpers.detection.manoeuvre_start`) and run through the kept measurements up to now.
+    steps ago: the state with acceleration is started there (`trackhelpers.manoeuvre.manoeuvre_start`) and run through the kept measurements up to now.
     *In a manoeuvre* it runs `manoeuvring`, and sums the acceleration's significance âᵀP_a⁻¹â over the last `window` steps; when that is no longer significant, it drops
     the acceleration.
 

@@ -3,8 +3,8 @@
 import numpy as np
 
 from trackhelpers.consistency import nis
-from trackhelpers.detection import check_inflation, check_window, fading_limit
-from trackhelpers.filters.matrices import MatrixKF
+from trackhelpers.filters.matrix_filter import MatrixKF
+from trackhelpers.manoeuvre import check_inflation, check_window, fading_limit
 
 
 class VarianceInflationKF(MatrixKF):
@@ -20,7 +20,7 @@ class VarianceInflationKF(MatrixKF):
     inflation : float
         What Q is multiplied by, ≥ 1.
     window : int
-        Steps that the fading sum remembers; see `trackhelpers.detection.fading_limit`.
+        Steps that the fading sum remembers; see `trackhelpers.manoeuvre.fading_limit`.
     probability : float
         With which the sum stays below its limit while the target does not manoeuvre.
 

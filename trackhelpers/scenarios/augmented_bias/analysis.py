@@ -7,7 +7,7 @@ from scipy import stats
 
 from trackhelpers.arrays import check_array, check_covariance
 from trackhelpers.ensemble import EnsembleKF
-from trackhelpers.filters.matrices import MatrixKF
+from trackhelpers.filters.matrix_filter import MatrixKF
 from trackhelpers.intervals import mean_interval
 from trackhelpers.scenarios.augmented_bias.contenders import POSITION_VELOCITY, SIGMA_A, H, Linear
 from trackhelpers.scenarios.augmented_bias.target import R, T

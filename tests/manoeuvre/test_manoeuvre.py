@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from trackhelpers.detection import (
+from trackhelpers.filters import MatrixKF
+from trackhelpers.manoeuvre import (
     check_forgetting,
     check_inflation,
     check_input,
@@ -12,7 +13,6 @@ from trackhelpers.detection import (
     fading_limit,
     manoeuvre_start,
 )
-from trackhelpers.filters import MatrixKF
 from trackhelpers.motion import CV
 
 T = 1.0
