@@ -11,17 +11,19 @@ from trackhelpers.consistency import nees
 def atomic(method):
     """The method, except that a call which raises leaves every attribute as it was.
 
-    For filters that put new arrays and objects in the place of old ones and change none in place.
+    For filters that put new arrays and objects in the place of old ones and change none in place; the filters of a bank (`filters`, as filterpy's IMM calls them)
+    are put back too.
     """
 
     @wraps(method)
     def call(self, *args, **kwargs):
-        before = self.__dict__.copy()
+        before = [(each, each.__dict__.copy()) for each in (self, *self.__dict__.get("filters", ()))]
         try:
             return method(self, *args, **kwargs)
         except BaseException:
-            self.__dict__.clear()
-            self.__dict__.update(before)
+            for each, attributes in before:
+                each.__dict__.clear()
+                each.__dict__.update(attributes)
             raise
 
     return call

@@ -3,7 +3,8 @@
 import numpy as np
 from filterpy.kalman import KalmanFilter
 
-from trackhelpers.arrays import check_array, check_covariance
+from trackhelpers.arrays import all_finite, check_array, check_covariance
+from trackhelpers.filters.base import OneTarget, atomic, refused
 
 
 def check_matrix(value, name, shape):
@@ -14,7 +15,30 @@ def check_matrix(value, name, shape):
     return matrix
 
 
-class MatrixKF(KalmanFilter):
+def inverse_of_S(S):
+    """S⁻¹ for filterpy's `update`; ValueError where S is singular, also up to rounding: S_ii (S⁻¹)_ii is 1/(1 − its multiple correlation squared)."""
+    try:
+        SI = np.linalg.inv(S)
+        singular = max(a * b for a, b in zip(S.diagonal().tolist(), SI.diagonal().tolist(), strict=True)) > 1e14
+    except np.linalg.LinAlgError:
+        singular = True
+    if singular:
+        raise ValueError(
+            f"S: expected a positive definite innovation covariance H P Hᵀ + R, got the singular {S.tolist()}; "
+            "prediction and measurement are both certain of the same quantity (P and R are zero there), so that nothing can be weighed"
+        )
+    return SI
+
+
+@refused(
+    batch_filter="trackhelpers.follow.follow",
+    update_sequential="update(z, R=…)",
+    update_correlated="update(z, R=…)",
+    predict_steadystate="predict()",
+    update_steadystate="update(z)",
+    log_likelihood_of="log_likelihood after update(z)",
+)
+class MatrixKF(OneTarget, KalmanFilter):
     """filterpy's KalmanFilter on constant matrices.
 
     Parameters
@@ -29,8 +53,8 @@ class MatrixKF(KalmanFilter):
     Raises
     ------
     ValueError
-        Wrong shapes, numbers that are not finite, Q, R or P0 that are no covariances; from `update` a measurement that is not m finite numbers. The filter is
-        then as it was.
+        Wrong shapes, numbers that are not finite, Q, R or P0 that are no covariances; from `update` a measurement that is not m finite numbers, an R that is no
+        covariance, a singular S. The filter is then as it was.
     """
 
     def __init__(self, F, H, Q, R, x0, P0):
@@ -41,22 +65,45 @@ class MatrixKF(KalmanFilter):
         self.P = check_covariance(P0, "P0", n)
         self.F, self.H = check_matrix(F, "F", (n, n)), check_matrix(np.atleast_2d(H), "H", (m, n))
         self.Q, self.R = check_covariance(Q, "Q", n), check_covariance(R, "R", m)
-        self.x_prior = self.x_post = self.x.copy()
-        self.P_prior = self.P_post = self.P.copy()
-        self.y = np.zeros(m)
+        self.inv = inverse_of_S
+        self.x_prior, self.P_prior = self.x.copy(), self.P.copy()
+        self._no_measurement()
 
-    def update(self, z):
-        """Correct by measurement `z`, shape (m,); None leaves the prediction, and no old innovation to be read by mistake."""
+    predict = atomic(KalmanFilter.predict)
+
+    @atomic
+    def update(self, z, R=None):
+        """Correct by measurement `z`, shape (m,), with the noise covariance `R`, shape (m, m), in this call only; None leaves the prediction, and no older evidence."""
         if z is None:
             self._no_measurement()
         else:
-            super().update(self._measurement(z))
+            self._update(*self._arguments(z, R))
 
-    def _measurement(self, z):
-        return check_array(np.atleast_1d(z), "z", self.dim_z, ())
+    def _arguments(self, z, R):
+        """z (m,) and R (m, m), checked."""
+        if not (type(z) is np.ndarray and z.dtype == float and z.shape == (self.dim_z,) and all_finite(z)):  # at a glance, or closely
+            z = check_array(np.atleast_1d(z), "z", self.dim_z, ())
+        return z, self.R if R is None else check_covariance(R, "R", self.dim_z)
 
-    def _no_measurement(self):
-        self.z, self.y = None, np.zeros(0)
-        self.S = self.SI = np.zeros((0, 0))
-        self.K = np.zeros((self.dim_x, 0))
-        self.x_post, self.P_post = self.x.copy(), self.P.copy()
+    def _update(self, z, R):
+        """What a filter does with a checked measurement: here filterpy's update."""
+        super().update(z, R)
+
+
+ON_A_COPY = "copy.deepcopy(kf) and its predict() or update(z)"
+
+
+@refused(get_prediction=ON_A_COPY, get_update=ON_A_COPY, rts_smoother="trackhelpers.follow.smooth on a filter of one model")
+class AdaptiveKF(MatrixKF):
+    """A `MatrixKF` that changes its covariance, its input or its model with the data: base of the filters for manoeuvring targets."""
+
+    @property
+    def alpha(self):
+        """1: filterpy's fading memory is not offered, for the filter has its own way of forgetting."""
+        return 1.0
+
+    @alpha.setter
+    def alpha(self, value):
+        raise NotImplementedError(
+            f"{type(self).__name__}.alpha: filterpy's fading memory would go past what this filter adapts; use MatrixKF"
+        )
