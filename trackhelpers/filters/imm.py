@@ -110,7 +110,7 @@ class ManoeuvreIMM(OneTarget, IMMEstimator):
             KalmanFilter.predict(kf)
         self.mu = self.cbar
         self._mix()
-        self.x_prior, self.P_prior = self.x, self.P
+        self.x_prior, self.P_prior = self.x.copy(), self.P.copy()
 
     @atomic
     def update(self, z, R=None):
@@ -120,17 +120,17 @@ class ManoeuvreIMM(OneTarget, IMMEstimator):
                 kf._no_measurement()
             return
         self._log_likelihood = self._mahalanobis = None
-        z, R = self.filters[0]._arguments(z, R)
-        H = self.filters[0].H
-        self.z, self.y, self.S = z.copy(), z - H @ self.x, H @ self.P @ H.T + R
+        first = self.filters[0]
+        z, noise = first._arguments(z, R)
+        self.z, self.y, self.S = z.copy(), z - first.H @ self.x, first.H @ self.P @ first.H.T + noise
         self.SI = inverse_of_S(self.S)
         for kf in self.filters:
-            KalmanFilter.update(kf, z, R)
+            KalmanFilter.update(kf, z, None if R is None else noise)
         logs = np.array([kf.log_likelihood for kf in self.filters])
         self.likelihood = np.exp(logs - logs.max())
         self.mu, self._log_likelihood = weighed(self.mu, logs)
         self._mix()
-        self.x_post, self.P_post = self.x, self.P
+        self.x_post, self.P_post = self.x.copy(), self.P.copy()
 
     def _mix(self):
         self.x, self.P = mixture(self.mu.tolist(), [kf.x for kf in self.filters], [kf.P for kf in self.filters])
