@@ -11,7 +11,7 @@ from trackhelpers.scenarios.augmented_bias import contenders as c
 from trackhelpers.scenarios.augmented_bias import target
 
 M, STEPS = 4, 240
-PLAIN = c.Adaptive("plain", (MatrixKF, EnsembleMatrixKF), lambda x0: ((c.F, c.H, c.Q, target.R, x0, target.P0), {}))
+PLAIN = c.Adaptive("plain", (MatrixKF, EnsembleMatrixKF), lambda x0, single: ((c.F, c.H, c.Q, target.R, x0, target.P0), {}))
 CONTENDERS = [
     PLAIN,
     c.strong_tracking(1.0),

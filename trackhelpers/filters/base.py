@@ -17,11 +17,12 @@ def atomic(method):
 
     @wraps(method)
     def call(self, *args, **kwargs):
-        before = [(each, each.__dict__.copy()) for each in (self, *self.__dict__.get("filters", ()))]
+        before = self.__dict__.copy()
+        bank = [(kf, kf.__dict__.copy()) for kf in before["filters"]] if "filters" in before else []
         try:
             return method(self, *args, **kwargs)
         except BaseException:
-            for each, attributes in before:
+            for each, attributes in [(self, before), *bank]:
                 each.__dict__.clear()
                 each.__dict__.update(attributes)
             raise

@@ -1,9 +1,11 @@
 """filterpy's KalmanFilter with its matrices given at once and checked: what the filters for manoeuvring targets are built on."""
 
+from math import isfinite
+
 import numpy as np
 from filterpy.kalman import KalmanFilter
 
-from trackhelpers.arrays import all_finite, check_array, check_covariance
+from trackhelpers.arrays import check_array, check_covariance
 from trackhelpers.filters.base import OneTarget, atomic, refused
 
 
@@ -19,7 +21,7 @@ def inverse_of_S(S):
     """S⁻¹ for filterpy's `update`; ValueError where S is singular, also up to rounding: S_ii (S⁻¹)_ii is 1/(1 − its multiple correlation squared)."""
     try:
         SI = np.linalg.inv(S)
-        singular = max(a * b for a, b in zip(S.diagonal().tolist(), SI.diagonal().tolist(), strict=True)) > 1e14
+        singular = S.diagonal().dot(SI.diagonal()) > 1e14
     except np.linalg.LinAlgError:
         singular = True
     if singular:
@@ -81,13 +83,13 @@ class MatrixKF(OneTarget, KalmanFilter):
 
     def _arguments(self, z, R):
         """z (m,) and R (m, m), checked."""
-        if not (type(z) is np.ndarray and z.dtype == float and z.shape == (self.dim_z,) and all_finite(z)):  # at a glance, or closely
+        if not (type(z) is np.ndarray and z.dtype == float and z.shape == (self.dim_z,) and isfinite(z.dot(z))):  # at a glance, or closely
             z = check_array(np.atleast_1d(z), "z", self.dim_z, ())
         return z, self.R if R is None else check_covariance(R, "R", self.dim_z)
 
     def _update(self, z, R):
         """What a filter does with a checked measurement: here filterpy's update."""
-        super().update(z, R)
+        super().update(z, None if R is self.R else R)
 
 
 ON_A_COPY = "copy.deepcopy(kf) and its predict() or update(z)"

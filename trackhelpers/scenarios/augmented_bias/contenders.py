@@ -106,17 +106,17 @@ class Adaptive(_Contender):
 
     name: str
     classes: tuple  # the filterpy subclass and its ensemble
-    arguments: callable  # x0 -> (args, keywords)
+    arguments: callable  # x0, whether for one target -> (args, keywords)
     honest: bool = True
 
     def single(self, x0):
         """The filterpy subclass, started at x0 (4,)."""
-        args, keywords = self.arguments(x0)
+        args, keywords = self.arguments(x0, True)
         return self.classes[0](*args, **keywords)
 
     def ensemble(self, x0):
         """The ensemble, started at x0 (4, M)."""
-        args, keywords = self.arguments(x0)
+        args, keywords = self.arguments(x0, False)
         return self.classes[1](*args, **keywords)
 
     def steps(self, x0, z):
@@ -157,27 +157,27 @@ def augmented_kf(x0, Q_bias="0.01, 0.01", reading="R1"):
 def strong_tracking(beta=4.0, factors="one", rho=0.95):
     """The strong tracking filter (STKF) on CV."""
     classes, settings = (StrongTrackingKF, EnsembleStrongTrackingKF), {"beta": beta, "rho": rho, "factors": factors}
-    return Adaptive(f"STKF β={beta:g}, {factors}", classes, lambda x0: ((F, H, Q, R, x0, P0), settings), honest=False)
+    return Adaptive(f"STKF β={beta:g}, {factors}", classes, lambda x0, single: ((F, H, Q, R, x0, P0), settings), honest=False)
 
 
 def variance_inflation(**settings):
     """Variance inflation on CV."""
     classes = VarianceInflationKF, EnsembleVarianceInflationKF
-    return Adaptive("inflation", classes, lambda x0: ((F, H, Q, R, x0, P0), settings))
+    return Adaptive("inflation", classes, lambda x0, single: ((F, H, Q, R, x0, P0), settings))
 
 
 def input_estimation(**settings):
     """Input estimation on CV."""
     classes = InputEstimationKF, EnsembleInputEstimationKF
-    return Adaptive("input estimation", classes, lambda x0: ((F, GAMMA, H, Q, R, x0, P0), settings))
+    return Adaptive("input estimation", classes, lambda x0, single: ((F, GAMMA, H, Q, R, x0, P0), settings))
 
 
 def variable_dimension(manoeuvring=ACCELERATING, **settings):
     """The variable-dimension filter (VDF) between CV and CA."""
     classes = VariableDimensionKF, EnsembleVariableDimensionKF
-    return Adaptive("VDF", classes, lambda x0: ((MODEL, manoeuvring, R, T, x0, P0), settings))
+    return Adaptive("VDF", classes, lambda x0, single: ((MODEL, manoeuvring, R, T, x0, P0), settings))
 
 
 def interacting(manoeuvring=ACCELERATING, **settings):
     """The interacting multiple model estimator (IMM) of CV and CA."""
-    return Adaptive("IMM", (ManoeuvreIMM, EnsembleIMM), lambda x0: ((MODEL, manoeuvring, R, T, x0, P0), settings))
+    return Adaptive("IMM", (ManoeuvreIMM, EnsembleIMM), lambda x0, single: ((MODEL, manoeuvring, R, T, x0, P0), settings))
