@@ -5,7 +5,7 @@ import pytest
 
 from trackhelpers.ensemble import adaptive, switching
 from trackhelpers.ensemble.adaptive import EnsembleStrongTrackingKF
-from trackhelpers.ensemble.matrices import EnsembleMatrixKF
+from trackhelpers.ensemble.many_matrix_filters import EnsembleMatrixKF
 from trackhelpers.filters import MatrixKF, StrongTrackingKF
 from trackhelpers.scenarios.augmented_bias import contenders as c
 from trackhelpers.scenarios.augmented_bias import target
@@ -43,7 +43,7 @@ def test_an_ensemble_is_the_filter_of_its_name_in_every_run(contender):
             if L is not None:
                 own, own_P = L @ kf.x, L @ kf.P @ L.T
             else:
-                own, own_P = (kf.estimate, kf.estimate_P) if hasattr(kf, "estimate") else (kf.x, kf.P)
+                own, own_P = kf.estimate, kf.estimate_P
             np.testing.assert_allclose(x[:, r], own, atol=1e-9, rtol=1e-13)  # positions reach 1e5 m
             np.testing.assert_allclose(P[..., r], own_P, atol=1e-8)
 
@@ -119,7 +119,8 @@ def make(name, **more):
     [
         ("EnsembleStrongTrackingKF", {"rho": -1}, "rho"),
         ("EnsembleStrongTrackingKF", {"beta": np.nan}, "beta"),
-        ("EnsembleStrongTrackingKF", {"axis": [0, 0, 1]}, "axis"),
+        ("EnsembleStrongTrackingKF", {"factors": "two"}, "factors"),
+        ("EnsembleStrongTrackingKF", {"factors": "per axis", "H": np.ones((2, 4))}, "factors"),
         ("EnsembleStrongTrackingKF", {"F": np.full((4, 4), np.nan)}, "F"),
         ("EnsembleVarianceInflationKF", {"inflation": -5}, "inflation"),
         ("EnsembleVarianceInflationKF", {"window": 0}, "window"),
@@ -142,7 +143,7 @@ def test_bad_settings_are_named(name, bad, word):
         make(name, **bad)
 
 
-@pytest.mark.parametrize("name", ["EnsembleInputEstimationKF", "EnsembleVariableDimensionKF", "EnsembleIMM"])
+@pytest.mark.parametrize("name", ["EnsembleInputEstimationKF", "EnsembleVariableDimensionKF"])
 def test_a_second_measurement_in_a_step_and_a_nan_are_refused(name):
     ens = make(name)
     with pytest.raises(RuntimeError, match="predict"):

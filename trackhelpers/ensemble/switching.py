@@ -1,16 +1,16 @@
 """Ensembles of the filters with two models: variable dimension and interacting multiple models.
 
-Each is the filter of the same name in `trackhelpers.filters` over M runs; a run's model is a mask.
+Each is the filter of the same name in `trackhelpers.filters` over M runs, with its rule; a run's model is a mask.
 """
-
-from collections import deque
 
 import numpy as np
 from scipy import stats
 
 from trackhelpers.arrays import check_covariance
 from trackhelpers.consistency import nis
-from trackhelpers.detection import (
+from trackhelpers.ensemble.many_matrix_filters import Matrices, MatrixEnsemble, check_runs, of_runs
+from trackhelpers.filters.imm import embedding, mixture, weighed
+from trackhelpers.manoeuvre import (
     OneAPrediction,
     check_pair,
     check_probability,
@@ -18,10 +18,10 @@ from trackhelpers.detection import (
     check_switching,
     check_window,
     fading_limit,
+    fading_sum,
     manoeuvre_start,
     position_rows,
 )
-from trackhelpers.ensemble.matrices import Matrices, check_runs
 
 
 def _matrices(model, R, dt):
@@ -29,86 +29,96 @@ def _matrices(model, R, dt):
     return Matrices(model.F(nought, dt), position_rows(model), model.Q(nought, dt), R)
 
 
-class EnsembleVariableDimensionKF(OneAPrediction):
+class EnsembleVariableDimensionKF(OneAPrediction, MatrixEnsemble):
     """`trackhelpers.filters.VariableDimensionKF` over M runs; arguments as there, x0 (2 axes, M).
 
     Attributes
     ----------
     manoeuvring : numpy.ndarray of bool, shape (M,)
     x (3 axes, M), P (3 axes, 3 axes, M) : state with acceleration; at rest what it was when the last manoeuvre ended
+    y (axes, M), S (axes, axes, M) : innovation of the measurement and its covariance, by the model that predicted it
     estimate (2 axes, M), estimate_P (2 axes, 2 axes, M) : position and velocity, of whichever model is in force
     """
 
+    _by_run = (*MatrixEnsemble._by_run, "estimate", "estimate_P", "manoeuvring", "statistic", "_past", "_full", "_significance")
+
     def __init__(self, quiet, manoeuvring, R, dt, x0, P0, window=5, enter=0.999, leave=0.95):
         check_pair(quiet, manoeuvring)
-        self.dt, self.window, self.m = check_step(dt), check_window(window), len(position_rows(quiet))
+        self.dt, self.window = check_step(dt), check_window(window)
         self.estimate = check_runs(x0, "x0", quiet.n).copy()
-        self.runs, self.R = self.estimate.shape[1], check_covariance(R, "R", self.m)
+        self._start(self.estimate, check_covariance(R, "R", len(position_rows(quiet))))
         self._rest, self._turn = (_matrices(model, self.R, dt) for model in (quiet, manoeuvring))
         self._kept = [manoeuvring.state.index(name) for name in quiet.state]
         self._accelerations = [i for i in range(manoeuvring.n) if i not in self._kept]
         self.enter_limit = fading_limit(self.m, self.window, enter)
         self.leave_limit = float(stats.chi2.ppf(check_probability(leave, "leave"), self.window * len(self._accelerations)))
-        self.manoeuvring = np.zeros(self.runs, dtype=bool)
+        self.manoeuvring, self.statistic = np.zeros(self.runs, dtype=bool), np.zeros(self.runs)
         self.estimate_P = np.repeat(check_covariance(P0, "P0", quiet.n)[..., None], self.runs, axis=2)
         self.x, self.P = np.zeros((manoeuvring.n, self.runs)), np.zeros((manoeuvring.n, manoeuvring.n, self.runs))
-        self.statistic = np.zeros(self.runs)
-        self._significance = np.zeros((window, self.runs))
-        self._steps = np.zeros(self.runs, dtype=int)  # since the present model came into force
-        self._past = deque([(self.estimate, self.estimate_P, None)], maxlen=window + 2)
+        empty = np.zeros((self.m, 1)), self.R[..., None], np.zeros(1, dtype=int)
+        self._past = ((self.estimate, self.estimate_P, *empty),) * (self.window + 2)  # each with its measurement, R and steps
+        self._significance = (np.zeros(self.runs),) * self.window
+        self._full = np.zeros(self.runs, dtype=int)  # measurements since the present model came into force
 
     def predict(self):
         """Predict every run by its model."""
-        rest, turn = np.flatnonzero(~self.manoeuvring), np.flatnonzero(self.manoeuvring)
-        x, P = self._rest.predict(self.estimate[:, rest], self.estimate_P[..., rest])
-        self.estimate, self.estimate_P = self.estimate.copy(), self.estimate_P.copy()
-        self.estimate[:, rest], self.estimate_P[..., rest] = x, P
-        if len(turn):
-            self._put(turn, *self._turn.predict(self.x[:, turn], self.P[..., turn]))
-        self._predicted = True
+        for runs, model, x, P in self._modes():
+            self._set(runs, *model.predict(x, P))
+        self._steps = self._steps + 1
 
-    def update(self, z):
-        """Correct every run by z, shape (axes, M), and change its model where it is time."""
-        z = check_runs(z, "z", self.m, self.runs)
-        self._one_a_prediction()
+    def _modes(self):
+        """Of the runs at rest and of those in a manoeuvre: their numbers, the model, x and P."""
         rest, turn = np.flatnonzero(~self.manoeuvring), np.flatnonzero(self.manoeuvring)
-        x, P, y, S, _ = self._rest.correct(self.estimate[:, rest], self.estimate_P[..., rest], z[:, rest])
-        self.estimate[:, rest], self.estimate_P[..., rest] = x, P
-        self.statistic[rest] = (1 - 1 / self.window) * self.statistic[rest] + nis(y, S)
-        self._past.append((self.estimate.copy(), self.estimate_P.copy(), z))
-        self._steps += 1
-        if len(turn):
-            self._put(turn, *self._turn.correct(self.x[:, turn], self.P[..., turn], z[:, turn])[:2])
-            self._perhaps_leave(turn)
-        alarmed = (self.statistic > self.enter_limit) & ~self.manoeuvring & (self._steps > self.window)
-        if np.any(alarmed):
+        modes = [
+            (rest, self._rest, self.estimate[:, rest], self.estimate_P[..., rest]),
+            (turn, self._turn, self.x[:, turn], self.P[..., turn]),
+        ]
+        return [mode for mode in modes if len(mode[0])]
+
+    def _update(self, z, R):
+        self._one_a_prediction()
+        y, S = np.empty_like(z), np.empty((self.m, *z.shape))
+        for runs, model, x, P in self._modes():
+            x, P, y[:, runs], S[..., runs], _ = model.correct(x, P, z[:, runs], R if R.ndim == 2 else R[..., runs])
+            self._set(runs, x, P)
+        self.y, self.S, turning = y, S, self.manoeuvring
+        R = np.broadcast_to(R if R.ndim == 3 else R[..., None], S.shape)
+        self._past, self._steps = (*self._past[1:], (self.estimate, self.estimate_P, z, R, self._steps)), 0 * self._steps
+        self._full = self._full + 1
+        self.statistic = np.where(turning, 0.0, fading_sum(self.statistic, nis(y, S), self.window))
+        if turning.any():
+            self._perhaps_leave(np.flatnonzero(turning))
+        alarmed = (self.statistic > self.enter_limit) & ~turning & (self._full > self.window)
+        if alarmed.any():
             self._enter(np.flatnonzero(alarmed))
 
     def _enter(self, runs):
-        (x, P, _), (_, _, first), *later = self._past
-        x, P = manoeuvre_start(x[:, runs], P[..., runs], first[:, runs], self.R, self.dt)
-        for _, _, z in later:
-            x, P = self._turn.predict(x, P)
-            x, P = self._turn.correct(x, P, z[:, runs])[:2]
-        self._put(runs, x, P)
-        self.manoeuvring[runs], self.statistic[runs], self._steps[runs] = True, 0.0, 0
+        (x, P, *_), (_, _, first, R, steps), *later = of_runs(self._past, runs)
+        x, P = manoeuvre_start(x, P, first, R, steps * self.dt)
+        for _, _, z, R, steps in later:
+            for step in range(steps.max()):
+                moved, moved_P = self._turn.predict(x, P)
+                x, P = np.where(step < steps, moved, x), np.where(step < steps, moved_P, P)
+            x, P, *_ = self._turn.correct(x, P, z, R)
+        self._set(runs, x, P)
+        self._put(runs, manoeuvring=True, statistic=0.0, _full=0)
 
     def _perhaps_leave(self, runs):
         some = self._accelerations
-        part = self.P[np.ix_(some, some, runs)]
-        self._significance[self._steps[runs] % self.window, runs] = nis(self.x[np.ix_(some, runs)], part)
-        over = (self._steps[runs] >= self.window) & (self._significance[:, runs].sum(axis=0) < self.leave_limit)
-        done = runs[over]
-        self.manoeuvring[done], self._steps[done] = False, 0
-        newest = self._past[-1]  # where a manoeuvre ends, the memory of the state at rest begins
-        newest[0][:, done], newest[1][..., done] = self.estimate[:, done], self.estimate_P[..., done]
+        newest = np.zeros(self.runs)
+        newest[runs] = nis(self.x[np.ix_(some, runs)], self.P[np.ix_(some, some, runs)])
+        self._significance = (*self._significance[1:], newest)
+        over = (self._full[runs] >= self.window) & (sum(self._significance)[runs] < self.leave_limit)
+        self._put(runs[over], manoeuvring=False, _full=0)  # the newest of the past is the memory of the state at rest
 
-    def _put(self, runs, x, P):
-        self.x[:, runs], self.P[..., runs] = x, P
-        self.estimate[:, runs], self.estimate_P[..., runs] = x[self._kept], P[np.ix_(self._kept, self._kept)]
+    def _set(self, runs, x, P):
+        if len(x) == len(self.x):
+            self._put(runs, x=x, P=P)
+            x, P = x[self._kept], P[np.ix_(self._kept, self._kept)]
+        self._put(runs, estimate=x, estimate_P=P)
 
 
-class EnsembleIMM(OneAPrediction):
+class EnsembleIMM(MatrixEnsemble):
     """`trackhelpers.filters.ManoeuvreIMM` over M runs; arguments as there, x0 (2 axes, M).
 
     Attributes
@@ -116,24 +126,25 @@ class EnsembleIMM(OneAPrediction):
     mu : numpy.ndarray, shape (2, M)
         Probability of rest and of manoeuvre.
     x (3 axes, M), P (3 axes, 3 axes, M) : of the mixture
+    y (axes, M), S (axes, axes, M) : innovation of the mixture's prediction and its covariance
     estimate (2 axes, M), estimate_P (2 axes, 2 axes, M) : its position and velocity
     """
 
+    _by_run = (*MatrixEnsemble._by_run, "mu", "_xs", "_Ps")
+
     def __init__(self, quiet, manoeuvring, R, dt, x0, P0, stay=(0.98, 0.98), mu=(0.9, 0.1)):
         check_pair(quiet, manoeuvring)
-        x0, n = check_runs(x0, "x0", quiet.n), manoeuvring.n
-        self.runs = x0.shape[1]
+        x0, H, nought = check_runs(x0, "x0", quiet.n), position_rows(manoeuvring), np.zeros(quiet.n)
+        self._start(x0, check_covariance(R, "R", len(H)))
         self._kept = [manoeuvring.state.index(name) for name in quiet.state]
-        E = np.eye(n)[:, self._kept]
-        H, R, nought = position_rows(manoeuvring), check_covariance(R, "R", len(position_rows(manoeuvring))), np.zeros(quiet.n)
-        at_rest = Matrices(E @ quiet.F(nought, dt) @ E.T, H, E @ quiet.Q(nought, dt) @ E.T, R)
-        self._models = at_rest, _matrices(manoeuvring, R, dt)
-        self._stay, mu = check_switching(stay, mu)
+        E = embedding(quiet, manoeuvring)
+        at_rest = Matrices(E @ quiet.F(nought, dt) @ E.T, H, E @ quiet.Q(nought, dt) @ E.T, self.R)
+        self._models = at_rest, _matrices(manoeuvring, self.R, dt)
+        self._transition, mu = check_switching(stay, mu)
         self.mu = np.repeat(mu[:, None], self.runs, axis=1)
-        start = E @ x0
-        self._xs = [start.copy() for _ in range(2)]
-        self._Ps = [np.repeat((E @ check_covariance(P0, "P0", quiet.n) @ E.T)[..., None], self.runs, axis=2) for _ in range(2)]
-        self._mixture(self.mu)
+        self._xs = (E @ x0,) * 2
+        self._Ps = (np.repeat((E @ check_covariance(P0, "P0", quiet.n) @ E.T)[..., None], self.runs, axis=2),) * 2
+        self._mix()
 
     @property
     def estimate(self):
@@ -146,35 +157,21 @@ class EnsembleIMM(OneAPrediction):
         return self.P[np.ix_(self._kept, self._kept)]
 
     def predict(self):
-        """Mix the two models' estimates, and predict each; x and P are the mixture by the probabilities after the step."""
-        self._ahead = self._stay.T @ self.mu  # probability of each model after the step
-        moments = [_mixed(self._stay[:, j, None] * self.mu / self._ahead[j], self._xs, self._Ps) for j in range(2)]
-        moved = [model.predict(*moment) for model, moment in zip(self._models, moments, strict=True)]
-        self._xs, self._Ps = [x for x, _ in moved], [P for _, P in moved]
-        self._mixture(self._ahead)
-        self._predicted = True
+        """Let the chain move, mix the two models' estimates, and predict each; x and P are the mixture by the probabilities after the step."""
+        ahead = self._transition.T @ self.mu
+        moments = (mixture(row[:, None] * self.mu / ahead[j], self._xs, self._Ps) for j, row in enumerate(self._transition.T))
+        self._xs, self._Ps = zip(*(model.predict(*moment) for model, moment in zip(self._models, moments, strict=True)), strict=True)
+        self.mu = ahead
+        self._mix()
 
-    def update(self, z):
-        """Correct both models by z, shape (axes, M), and weigh them by their likelihoods."""
-        z = check_runs(z, "z", len(self._models[0].H), self.runs)
-        self._one_a_prediction()
-        logs = np.empty((2, self.runs))
-        for j, model in enumerate(self._models):
-            self._xs[j], self._Ps[j], y, S, _ = model.correct(self._xs[j], self._Ps[j], z)
-            logs[j] = -0.5 * (nis(y, S) + np.linalg.slogdet(np.moveaxis(S, -1, 0))[1])
-        weights = self._ahead * np.exp(logs - logs.max(axis=0))
-        self.mu = weights / weights.sum(axis=0)
-        self._mixture(self.mu)
+    def _update(self, z, R):
+        H = self._models[0].H
+        self.y, self.S = z - H @ self.x, self._models[0].innovation_covariance(self.P, R)
+        found = [model.correct(x, P, z, R) for model, x, P in zip(self._models, self._xs, self._Ps, strict=True)]
+        self._xs, self._Ps, ys, Ss, _ = zip(*found, strict=True)
+        logs = [-0.5 * (nis(y, S) + np.linalg.slogdet(np.moveaxis(S, -1, 0))[1]) for y, S in zip(ys, Ss, strict=True)]
+        self.mu, _ = weighed(self.mu, np.array(logs))
+        self._mix()
 
-    def _mixture(self, mu):
-        self.x, self.P = _mixed(mu, self._xs, self._Ps)
-
-
-def _mixed(weights, xs, Ps):
-    """Mean and covariance of a mixture, weights (2, M)."""
-    mean = sum(w * x for w, x in zip(weights, xs, strict=True))
-    spread = 0.0
-    for w, x, P in zip(weights, xs, Ps, strict=True):
-        d = x - mean
-        spread = spread + w * (P + d[:, None] * d[None])
-    return mean, spread
+    def _mix(self):
+        self.x, self.P = mixture(self.mu, self._xs, self._Ps)

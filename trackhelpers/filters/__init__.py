@@ -3,7 +3,7 @@
 from trackhelpers.filters.augmented_bias import READINGS, AugmentedBiasKF, augmented_matrices
 from trackhelpers.filters.imm import ManoeuvreIMM
 from trackhelpers.filters.input_estimation import InputEstimationKF
-from trackhelpers.filters.matrices import MatrixKF
+from trackhelpers.filters.matrix_filter import MatrixKF
 from trackhelpers.filters.motion_ekf import MotionEKF
 from trackhelpers.filters.motion_imm import MotionIMM
 from trackhelpers.filters.motion_kf import MotionKF

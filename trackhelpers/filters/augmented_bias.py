@@ -4,8 +4,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from trackhelpers.arrays import check_covariance
-from trackhelpers.filters.matrices import MatrixKF, check_matrix
+from trackhelpers.arrays import check_covariance, check_matrix
+from trackhelpers.filters.matrix_filter import MatrixKF
 
 
 class AugmentedMatrices(NamedTuple):

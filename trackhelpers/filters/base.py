@@ -11,17 +11,20 @@ from trackhelpers.consistency import nees
 def atomic(method):
     """The method, except that a call which raises leaves every attribute as it was.
 
-    For filters that put new arrays and objects in the place of old ones and change none in place.
+    For filters that put new arrays and objects in the place of old ones and change none in place; the filters of a bank (`filters`, as filterpy's IMM calls them)
+    are put back too.
     """
 
     @wraps(method)
     def call(self, *args, **kwargs):
         before = self.__dict__.copy()
+        bank = [(kf, kf.__dict__.copy()) for kf in before["filters"]] if "filters" in before else []
         try:
             return method(self, *args, **kwargs)
         except BaseException:
-            self.__dict__.clear()
-            self.__dict__.update(before)
+            for each, attributes in [(self, before), *bank]:
+                each.__dict__.clear()
+                each.__dict__.update(attributes)
             raise
 
     return call
@@ -44,6 +47,25 @@ def refused(**instead):
         return cls
 
     return decorate
+
+
+def singular(S):
+    """The ValueError for an innovation covariance that cannot be inverted."""
+    return ValueError(
+        f"S: expected a positive definite innovation covariance H P Hᵀ + R, got the singular {S.tolist()}; "
+        "prediction and measurement are both certain of the same quantity (P and R are zero there), so that nothing can be weighed"
+    )
+
+
+def inverse_of_S(S):
+    """S⁻¹ for filterpy's `update`; ValueError where S is singular, also up to rounding: S_ii (S⁻¹)_ii is 1/(1 − its multiple correlation squared)."""
+    try:
+        SI = np.linalg.inv(S)
+    except np.linalg.LinAlgError:
+        raise singular(S) from None
+    if S.diagonal().dot(SI.diagonal()) > 1e14:
+        raise singular(S)
+    return SI
 
 
 class OneTarget:

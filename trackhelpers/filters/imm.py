@@ -1,11 +1,12 @@
 """Two models at once: filterpy's interacting multiple model estimator on constant velocity and constant acceleration (paper 3, introduction)."""
 
 import numpy as np
-from filterpy.kalman import IMMEstimator
+from filterpy.kalman import IMMEstimator, KalmanFilter
 
 from trackhelpers.arrays import check_array, check_covariance
-from trackhelpers.detection import OneAPrediction, check_pair, check_switching, position_rows
-from trackhelpers.filters.matrices import MatrixKF
+from trackhelpers.filters.base import OneTarget, atomic
+from trackhelpers.filters.matrix_filter import MatrixKF, inverse_of_S
+from trackhelpers.manoeuvre import check_pair, check_switching, position_rows
 
 
 def embedding(quiet, manoeuvring):
@@ -13,8 +14,29 @@ def embedding(quiet, manoeuvring):
     return np.array([[float(a == b) for b in quiet.state] for a in manoeuvring.state])
 
 
-class ManoeuvreIMM(OneAPrediction, IMMEstimator):
+def mixture(weights, xs, Ps):
+    """Mean (n, ...) and covariance (n, n, ...) of a mixture of two: weights (2, ...), two states (n, ...) and their covariances (n, n, ...)."""
+    (a, b), (x, other), (P, other_P) = weights, xs, Ps
+    apart = x - other
+    return a * x + b * other, a * P + b * other_P + a * b * (apart[:, None] * apart)
+
+
+def weighed(ahead, logs):
+    """Probabilities (2, ...) of the models after a measurement, from those before it and its log-likelihoods under each, and its log-likelihood under both, (...).
+
+    Only differences of logarithms are turned into likelihoods: far from both models filterpy's are both rounded up to the least positive number, and so equal.
+    """
+    most = np.max(logs, axis=0)
+    weights = ahead * np.exp(logs - most)
+    total = weights.sum(axis=0)
+    return weights / total, most + np.log(total)
+
+
+class ManoeuvreIMM(OneTarget, IMMEstimator):
     """filterpy's IMMEstimator on a quiet and a manoeuvring model, both in the state of the latter.
+
+    The inner filters' predictions and updates are filterpy's. The Markov chain moves in `predict`, where filterpy moves it in `update`: so a missed scan moves it too,
+    and several measurements may follow one prediction.
 
     filterpy mixes states of one dimension only. The quiet model is therefore written in the larger state, with the columns and rows of the acceleration zero: it
     forgets every acceleration and is sure that there is none.
@@ -39,6 +61,12 @@ class ManoeuvreIMM(OneAPrediction, IMMEstimator):
     ----------
     mu : numpy.ndarray, shape (2,)
         Probability of rest and of manoeuvre.
+    x (3 axes,), P : of the mixture
+    y, S : innovation of the mixture's prediction and its covariance
+    likelihood : numpy.ndarray, shape (2,)
+        Of the last measurement under each model, up to a common factor; 1 where nothing was measured.
+    log_likelihood : float
+        Of the last measurement under both.
     estimate (2 axes,), estimate_P : position and velocity of the mixture
 
     Raises
@@ -59,6 +87,7 @@ class ManoeuvreIMM(OneAPrediction, IMMEstimator):
         )
         super().__init__([MatrixKF(F, H, Q, R, E @ x0, E @ P0 @ E.T) for F, Q in matrices], mu, transition)
         self._kept = E.T
+        self._no_measurement()
 
     @property
     def estimate(self):
@@ -70,33 +99,42 @@ class ManoeuvreIMM(OneAPrediction, IMMEstimator):
         """Their covariance."""
         return self._kept @ self.P @ self._kept.T
 
+    @atomic
     def predict(self):
-        """Mix the two estimates and predict each. The mixture x, P is weighed by the probabilities after the step; filterpy weighs it by those before."""
-        super().predict()
-        self._predicted = True
-        before, self.mu = self.mu, self.cbar
-        self._compute_state_estimate()
-        self.mu = before
+        """Let the chain move, mix the two estimates accordingly, and predict each. x, P is the mixture by the probabilities after the step."""
+        self.cbar = self.mu @ self.M
+        self.omega = self.M * self.mu[:, None] / self.cbar
+        xs, Ps = [kf.x for kf in self.filters], [kf.P for kf in self.filters]
+        for kf, weights in zip(self.filters, self.omega.T.tolist(), strict=True):
+            kf.x, kf.P = mixture(weights, xs, Ps)
+            KalmanFilter.predict(kf)
+        self.mu = self.cbar
+        self._mix()
         self.x_prior, self.P_prior = self.x.copy(), self.P.copy()
 
-    def update(self, z):
-        """Correct by measurement `z`, shape (axes,), one a prediction. None leaves the prediction; filterpy would weigh the models by an older measurement's likelihood.
-
-        The likelihoods are compared by their logarithms: far from both models filterpy's are both rounded up to the least positive number, and so equal.
-        """
+    @atomic
+    def update(self, z, R=None):
+        """Correct by measurement `z`, shape (axes,), with the noise covariance `R` in this call only. None leaves the prediction and the probabilities."""
         if z is None:
-            for kf in self.filters:
-                kf.update(None)
-            self.mu = self.cbar.copy()
-        else:
-            z = self.filters[0]._measurement(z)
-            self._one_a_prediction()
-            for kf in self.filters:
-                kf.update(z)
-            logs = np.array([kf.log_likelihood for kf in self.filters])
-            self.likelihood = np.exp(logs - logs.max())  # up to a common factor
-            self.mu = self.cbar * self.likelihood
-            self.mu = self.mu / self.mu.sum()
-        self._compute_mixing_probabilities()
-        self._compute_state_estimate()
+            for kf in (self, *self.filters):
+                kf._no_measurement()
+            return
+        self._log_likelihood = self._mahalanobis = None
+        first = self.filters[0]
+        z, noise = first._arguments(z, R)
+        self.z, self.y, self.S = z.copy(), z - first.H @ self.x, first.H @ self.P @ first.H.T + noise
+        self.SI = inverse_of_S(self.S)
+        for kf in self.filters:
+            KalmanFilter.update(kf, z, None if R is None else noise)
+        logs = np.array([kf.log_likelihood for kf in self.filters])
+        self.likelihood = np.exp(logs - logs.max())
+        self.mu, self._log_likelihood = weighed(self.mu, logs)
+        self._mix()
         self.x_post, self.P_post = self.x.copy(), self.P.copy()
+
+    def _mix(self):
+        self.x, self.P = mixture(self.mu.tolist(), [kf.x for kf in self.filters], [kf.P for kf in self.filters])
+
+    def _no_measurement(self):
+        super()._no_measurement()
+        self.likelihood = np.ones(2)

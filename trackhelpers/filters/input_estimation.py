@@ -1,19 +1,18 @@
 """Input estimation: the acceleration is read from a window of innovations of a filter that does not know of it (paper 3's rival)."""
 
-from collections import deque
-
 from scipy import stats
 
-from trackhelpers.detection import OneAPrediction, check_input, check_probability, constant_input
-from trackhelpers.filters.matrices import MatrixKF
+from trackhelpers.filters.base import atomic
+from trackhelpers.filters.matrix_filter import AdaptiveKF
+from trackhelpers.manoeuvre import OneAPrediction, check_input, check_probability, constant_input
 
 
-class InputEstimationKF(OneAPrediction, MatrixKF):
+class InputEstimationKF(OneAPrediction, AdaptiveKF):
     """Kalman filter with a piecewise constant input, whose changes it finds in its innovations.
 
-    At every step the innovations of the last `window` steps give a least squares estimate of a change of the input at the window's beginning
-    (`trackhelpers.detection.constant_input`). A significant one corrects the state and its covariance, goes into the input of the following predictions, and the
-    window begins anew.
+    At every step the innovations of the last `window` measurements give a least squares estimate of a change of the input at the window's beginning
+    (`trackhelpers.manoeuvre.constant_input`). A significant one corrects the state and its covariance, goes into the input of the following predictions, and the
+    window begins anew. A missed scan is a step of the input without a measurement: the window keeps what it has.
 
     Parameters
     ----------
@@ -22,7 +21,7 @@ class InputEstimationKF(OneAPrediction, MatrixKF):
     G : array_like, shape (n, q)
         How the input reaches the state in a step.
     window : int
-        Steps, ≥ 1, and enough of them to see the input.
+        Measurements, ≥ 1, and enough of them to see the input.
     probability : float
         Of no detection in one window while there is no change.
 
@@ -43,33 +42,26 @@ class InputEstimationKF(OneAPrediction, MatrixKF):
         self.B, self.window = check_input(self.F, G, self.H, window)
         self.limit = float(stats.chi2.ppf(check_probability(probability, "probability"), self.B.shape[1]))
         self.u, self.changes = self.B[0] * 0.0, 0
-        self._past = deque(maxlen=self.window)
+        self._past = ()  # innovation, its covariance, gain and steps of each measurement in the window
 
+    @atomic
     def predict(self):
         """Predict with the input in force."""
         super().predict(u=self.u)
-        self._predicted = True
+        self._steps += 1
 
-    def update(self, z):
-        """Correct by measurement `z`, shape (m,), and by a change of the input where the window shows one; None leaves the prediction and empties the window.
-
-        One measurement a prediction: the window counts steps. RuntimeError for a second one.
-        """
-        if z is None:
-            self._no_measurement()
-            self._past.clear()
-            return
-        z = self._measurement(z)
+    def _update(self, z, R):
+        """One measurement a prediction, for the window counts steps: RuntimeError for a second one."""
         self._one_a_prediction()
-        super().update(z)
-        self._past.append((self.y, self.S, self.K))
+        super()._update(z, R)
+        self._past, self._steps = (*self._past, (self.y, self.S, self.K, self._steps)), 0
         if len(self._past) < self.window:
             return
         change, covariance, shift, significance = constant_input(*zip(*self._past, strict=True), self.F, self.B, self.H)
+        self._past = self._past[1:]
         if significance > self.limit:
             self.u = self.u + change
             self.x = self.x + shift @ change
             self.P = self.P + shift @ covariance @ shift.T
             self.x_post, self.P_post = self.x.copy(), self.P.copy()
-            self.changes += 1
-            self._past.clear()
+            self.changes, self._past = self.changes + 1, ()

@@ -3,8 +3,8 @@
 import numpy as np
 from filterpy.kalman import ExtendedKalmanFilter
 
-from trackhelpers.filters.base import atomic, refused
-from trackhelpers.filters.on_model import REFUSED, OnModel, singular
+from trackhelpers.filters.base import atomic, refused, singular
+from trackhelpers.filters.on_model import REFUSED, OnModel
 
 
 @refused(**REFUSED, predict_update="predict(dt), then update(z, sensor)")
@@ -57,6 +57,6 @@ class MotionEKF(OnModel, ExtendedKalmanFilter):
         self.dim_z, self.R = sensor.m, R
         try:
             super().update(z, HJacobian=lambda x: H, Hx=lambda x: z_hat, residual=sensor.residual)
-        except np.linalg.LinAlgError as error:
-            raise singular(error, R) from None
+        except np.linalg.LinAlgError:
+            raise singular(self.S) from None
         self._normalise_posterior()

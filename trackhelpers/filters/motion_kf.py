@@ -4,8 +4,8 @@ import numpy as np
 from filterpy.kalman import KalmanFilter
 
 from trackhelpers.arrays import check_dt
-from trackhelpers.filters.base import atomic, refused
-from trackhelpers.filters.on_model import REFUSED, OnModel, singular
+from trackhelpers.filters.base import atomic, inverse_of_S, refused
+from trackhelpers.filters.on_model import REFUSED, OnModel
 
 
 @refused(
@@ -46,6 +46,7 @@ class MotionKF(OnModel, KalmanFilter):
             raise ValueError(f"model: expected a linear model (CV, CA), got {model!r}; use MotionEKF or MotionUKF")
         super().__init__(dim_x=model.n, dim_z=1)
         self._start(model, x0, P0)
+        self.inv = inverse_of_S
         self._step = self._seen = None, None
 
     @atomic
@@ -75,9 +76,6 @@ class MotionKF(OnModel, KalmanFilter):
         self.dim_z, self.H, self.R = sensor.m, self._seen[1], R
         # filterpy takes z − Hx for the innovation: what it is to find is the residual, which knows of angles and of where the sensor stands
         given = seen if self._plain else sensor.residual(seen, sensor.h(self.x)) + self.H @ self.x
-        try:
-            super().update(given)
-        except np.linalg.LinAlgError as error:
-            raise singular(error, R) from None
+        super().update(given)
         self.z = seen
         self._normalise_posterior()

@@ -7,8 +7,8 @@ from filterpy.kalman import MerweScaledSigmaPoints, UnscentedKalmanFilter
 
 from trackhelpers import angles as _angles
 from trackhelpers.arrays import check_dt
-from trackhelpers.filters.base import atomic, refused
-from trackhelpers.filters.on_model import REFUSED, OnModel, singular
+from trackhelpers.filters.base import atomic, inverse_of_S, refused
+from trackhelpers.filters.on_model import REFUSED, OnModel
 
 
 class SigmaPoints(MerweScaledSigmaPoints):
@@ -51,6 +51,7 @@ class MotionUKF(OnModel, UnscentedKalmanFilter):
         check_sigma_points(model.n, alpha, beta, kappa)
         super().__init__(dim_x=model.n, dim_z=1, dt=0.0, hx=None, fx=model.f, points=SigmaPoints(model.n, alpha, beta, kappa))
         self._start(model, x0, P0)
+        self.inv = inverse_of_S
         check_known(self.P, model, "P0")
         self._drawn = None, None  # x and P of the last sigma points
 
@@ -89,10 +90,7 @@ class MotionUKF(OnModel, UnscentedKalmanFilter):
             self._drawn = self.x.copy(), self.P.copy()
         seen = iter(sensor.h(self.sigmas_f.T).T)  # of all points at once; filterpy asks for one after the other
         self._dim_z, self.R, self._sensor, self.residual_z = sensor.m, R, sensor, sensor.residual
-        try:
-            super().update(z, UT=self._moments_of_measurement, hx=lambda point: next(seen))
-        except np.linalg.LinAlgError as error:
-            raise singular(error, R) from None
+        super().update(z, UT=self._moments_of_measurement, hx=lambda point: next(seen))
         self._normalise_posterior()
         warn_unknown(self.P, self.model)
 

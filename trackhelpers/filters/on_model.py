@@ -64,11 +64,3 @@ def check_fit(sensor, model):
             raise ValueError(
                 f"sensor: expected angles={tuple(unwrapped)} among those it is told, for these rows of H pick an angle of the model, got {sensor!r}"
             )
-
-
-def singular(error, R):
-    """The ValueError for an innovation covariance that cannot be inverted."""
-    return ValueError(
-        f"S: the innovation covariance H P Hᵀ + R is singular, so that nothing can be weighed: where P is 0 along a measured direction, R must not be, got R={R.tolist()}"
-        f" ({error})"
-    )

@@ -2,12 +2,74 @@
 
 import numpy as np
 
-from trackhelpers.arrays import check_scale
-from trackhelpers.detection import check_forgetting
-from trackhelpers.filters.matrices import MatrixKF
+from trackhelpers.arrays import check_scale, congruence
+from trackhelpers.filters.matrix_filter import AdaptiveKF
+from trackhelpers.manoeuvre import check_forgetting, with_runs
 
 
-class StrongTrackingKF(MatrixKF):
+def innovation_spread(V, innovation, rho):
+    """V after another innovation (m, ...): γγᵀ at first, where V (m, m, ...) is None or NaN, (ρV + γγᵀ)/(1 + ρ) later."""
+    square = innovation[:, None] * innovation[None]
+    if V is None:
+        return square
+    first, later = np.isnan(V), (rho * V + square) / (1 + rho)
+    return np.where(first, square, later) if first.any() else later
+
+
+def fading_factor(N, M):
+    """max(1, N/M), elementwise; 1 where M is not positive, for nothing can fade there."""
+    N, M = np.asarray(N, dtype=float), np.asarray(M, dtype=float)
+    return np.maximum(1.0, np.divide(N, M, out=np.ones_like(M), where=M > 0))[()]
+
+
+def faded(moved, V, H, Q, R, beta, axis=None):
+    """λ and the predicted covariance with it.
+
+    Parameters
+    ----------
+    moved : numpy.ndarray, shape (n, n, ...)
+        F P Fᵀ.
+    V : numpy.ndarray, shape (m, m, ...)
+        `innovation_spread`.
+    H, Q, R : numpy.ndarray, shapes (m, n), (n, n), and (m, m) or (m, m, ...)
+    beta : float
+    axis : None or numpy.ndarray of int, shape (n,)
+        The measurement that sees each component, for one factor an axis: `axes_seen`.
+
+    Returns
+    -------
+    fading : float or numpy.ndarray, shape (...) or (m, ...)
+    P : numpy.ndarray, shape (n, n, ...)
+    """
+    seen, noise, R, M = (np.einsum("ii...->i...", matrix) for matrix in (V, H @ Q @ H.T, R, congruence(H, moved)))
+    N = seen - with_runs(noise, seen) - beta * with_runs(R, seen)
+    if axis is None:
+        fading = fading_factor(N.sum(axis=0), M.sum(axis=0))
+        return fading, fading * moved + with_runs(Q, moved)
+    fading = fading_factor(N, M)
+    root = np.sqrt(fading)[axis]
+    return fading, root[:, None] * moved * root + with_runs(Q, moved)
+
+
+def axes_seen(F, H, factors="per axis"):
+    """For each state component the one measurement that sees it, now or through F later: shape (n,). None for ``factors="one"``.
+
+    ValueError for other `factors`, and where a component is seen by several measurements or by none, so that it belongs to no axis.
+    """
+    if factors not in ("one", "per axis"):
+        raise ValueError(f"factors: expected 'one' or 'per axis', got {factors!r}")
+    if factors == "one":
+        return None
+    seen, row = np.zeros(H.shape, dtype=bool), H
+    for _ in range(len(F)):
+        seen |= row != 0
+        row = row @ F
+    if np.any(seen.sum(axis=0) != 1):
+        raise ValueError(f"factors: 'per axis' expected each state component to be seen by one measurement, got {seen.sum(axis=0)}")
+    return np.argmax(seen, axis=0)
+
+
+class StrongTrackingKF(AdaptiveKF):
     """Kalman filter whose predicted covariance is λFPFᵀ + Q, λ ≥ 1 chosen so that the innovations are as large as it believes.
 
     With the innovation γ, V = γγᵀ at first and (ρV + γγᵀ)/(1 + ρ) later, N = V − HQHᵀ − βR and M = HFPFᵀHᵀ:
@@ -15,7 +77,7 @@ class StrongTrackingKF(MatrixKF):
     * ``factors="one"``: λ = max(1, tr N / tr M) for the whole covariance;
     * ``factors="per axis"``: λᵢ = max(1, Nᵢᵢ/Mᵢᵢ) for the part of the state that measurement i sees, D^½FPFᵀD^½ + Q.
 
-    Since λ needs the innovation, `predict` leaves λ = 1 in P, and `update` puts it in.
+    Since λ needs the innovation, `predict` leaves λ = 1 in P, and `update` puts it in. A missed scan leaves V and λ as they were.
 
     Parameters
     ----------
@@ -45,59 +107,20 @@ class StrongTrackingKF(MatrixKF):
 
     def __init__(self, F, H, Q, R, x0, P0, beta=4.0, rho=0.95, factors="one"):
         super().__init__(F, H, Q, R, x0, P0)
-        self.beta, self.rho = check_scale(beta, "beta"), check_forgetting(rho)
-        if factors not in ("one", "per axis"):
-            raise ValueError(f"factors: expected 'one' or 'per axis', got {factors!r}")
-        self.factors = factors
-        self._axis = axes_seen(self.F, self.H) if factors == "per axis" else None
+        self.beta, self.rho, self.factors = check_scale(beta, "beta"), check_forgetting(rho), factors
+        self._axis = axes_seen(self.F, self.H, factors)
         self.V, self._moved = None, None
-        self.fading = 1.0 if factors == "one" else np.ones(self.dim_z)
+        self.fading = 1.0 if self._axis is None else np.ones(self.dim_z)
 
     def predict(self):
         """Predict with λ = 1."""
-        self._moved = self.F @ self.P @ self.F.T
+        moved = self.F @ self.P @ self.F.T
         super().predict()
+        self._moved = moved
 
-    def update(self, z):
-        """Correct by measurement `z`, shape (m,), with λ from its innovation; None leaves the prediction and V."""
-        if z is None:
-            self._no_measurement()
-            return
-        z = self._measurement(z)
-        innovation = z - self.H @ self.x
-        square = np.outer(innovation, innovation)
-        self.V = square if self.V is None else (self.rho * self.V + square) / (1 + self.rho)
+    def _update(self, z, R):
+        self.V = innovation_spread(self.V, z - self.H @ self.x, self.rho)
         if self._moved is not None:  # a second measurement at the same instant finds the covariance already fading
-            N = self.V - self.H @ self.Q @ self.H.T - self.beta * self.R
-            M = self.H @ self._moved @ self.H.T
-            if self.factors == "one":
-                self.fading = fading_factor(np.trace(N), np.trace(M))
-                self.P = self.fading * self._moved + self.Q
-            else:
-                self.fading = fading_factor(np.diag(N), np.diag(M))
-                root = np.sqrt(self.fading)[self._axis]
-                self.P = root[:, None] * self._moved * root + self.Q
+            self.fading, self.P = faded(self._moved, self.V, self.H, self.Q, R, self.beta, self._axis)
             self._moved, self.P_prior = None, self.P.copy()
-        super().update(z)
-
-
-def fading_factor(N, M):
-    """max(1, N/M), elementwise; 1 where M is not positive, for nothing can fade there."""
-    N, M = np.asarray(N, dtype=float), np.asarray(M, dtype=float)
-    return np.maximum(1.0, np.divide(N, M, out=np.ones_like(M), where=M > 0))[()]
-
-
-def axes_seen(F, H):
-    """For each state component the one measurement that sees it, now or through F later: shape (n,).
-
-    ValueError where a component is seen by several measurements or by none, so that it belongs to no axis.
-    """
-    seen, row = np.zeros(H.shape, dtype=bool), H
-    for _ in range(len(F)):
-        seen |= row != 0
-        row = row @ F
-    if np.any(seen.sum(axis=0) != 1):
-        raise ValueError(
-            f"factors: 'per axis' expected each state component to be seen by one measurement, got {seen.sum(axis=0)} for F and H"
-        )
-    return np.argmax(seen, axis=0)
+        super()._update(z, R)

@@ -1,32 +1,32 @@
 """The variable-dimension filter: constant velocity until a manoeuvre is detected, with acceleration until it is over (paper 3, introduction)."""
 
-from collections import deque
-
 import numpy as np
 from scipy import stats
 
-from trackhelpers.arrays import check_array, check_covariance
+from trackhelpers.arrays import check_array
 from trackhelpers.consistency import nis
-from trackhelpers.detection import (
+from trackhelpers.filters.base import atomic
+from trackhelpers.filters.matrix_filter import AdaptiveKF
+from trackhelpers.manoeuvre import (
     OneAPrediction,
     check_pair,
     check_probability,
     check_step,
     check_window,
     fading_limit,
+    fading_sum,
     manoeuvre_start,
     position_rows,
 )
-from trackhelpers.filters.matrices import MatrixKF
 
 
-class VariableDimensionKF(OneAPrediction, MatrixKF):
+class VariableDimensionKF(OneAPrediction, AdaptiveKF):
     """Kalman filter that changes its model, and with it its dimension, between rest and manoeuvre.
 
-    *At rest* it runs `quiet` and sums its NIS with a fading memory of `window` steps. When the sum passes its limit, the manoeuvre is taken to have begun `window` + 1
-    steps ago: the state with acceleration is started there (`trackhelpers.detection.manoeuvre_start`) and run through the kept measurements up to now.
-    *In a manoeuvre* it runs `manoeuvring`, and sums the acceleration's significance âᵀP_a⁻¹â over the last `window` steps; when that is no longer significant, it drops
-    the acceleration.
+    *At rest* it runs `quiet` and sums its NIS with a fading memory of `window` measurements. When the sum passes its limit, the manoeuvre is taken to have begun
+    `window` + 1 measurements ago: the state with acceleration is started there (`trackhelpers.manoeuvre.manoeuvre_start`) and run through the kept measurements up to now.
+    *In a manoeuvre* it runs `manoeuvring`, and sums the acceleration's significance âᵀP_a⁻¹â over the last `window` measurements; when that is no longer significant, it
+    drops the acceleration. A missed scan is no evidence: it leaves both sums, and the start and the run through the past take as many steps as there were.
 
     Parameters
     ----------
@@ -40,7 +40,7 @@ class VariableDimensionKF(OneAPrediction, MatrixKF):
     P0 : array_like, shape (2 axes, 2 axes)
         Start in the state of `quiet`.
     window : int
-        Effective memory, steps.
+        Effective memory, measurements.
     enter : float
         Probability that the fading sum stays below its limit while the target is at rest.
     leave : float
@@ -50,6 +50,7 @@ class VariableDimensionKF(OneAPrediction, MatrixKF):
     ----------
     manoeuvring : bool
     x, P : of the model in force, n = 2 axes or 3 axes
+    y, S : innovation of the measurement and its covariance, by the model that predicted it
     estimate (2 axes,), estimate_P : position and velocity in either
 
     Raises
@@ -75,8 +76,8 @@ class VariableDimensionKF(OneAPrediction, MatrixKF):
         self.enter_limit = fading_limit(self.dim_z, self.window, enter)
         self.leave_limit = float(stats.chi2.ppf(check_probability(leave, "leave"), self.window * len(self._accelerations)))
         self.manoeuvring, self.statistic = False, 0.0
-        self._past = deque([(self.x, self.P, None)], maxlen=self.window + 2)  # estimates at rest, each with its measurement
-        self._significance = deque(maxlen=self.window)
+        self._past = [(self.x, self.P, None, None, 0)]  # estimates at rest, each with its measurement, R and steps
+        self._significance = []
 
     def _matrices(self, model):
         nought = np.zeros(model.n)
@@ -92,53 +93,47 @@ class VariableDimensionKF(OneAPrediction, MatrixKF):
         """Their covariance."""
         return self.P[np.ix_(self._kept, self._kept)] if self.manoeuvring else self.P
 
+    @atomic
     def predict(self):
         """Predict by the model in force."""
         super().predict()
-        self._predicted = True
+        self._steps += 1
 
-    def update(self, z):
-        """Correct by measurement `z`, shape (axes,), and change the model where it is time; None leaves the prediction and both sums.
-
-        One measurement a prediction: the sums count steps. RuntimeError for a second one.
-        """
-        if z is None:
-            self._no_measurement()
-            if not self.manoeuvring:
-                self._past.clear()
-                self._past.append((self.x, self.P, None))
-            return
-        z = self._measurement(z)
+    def _update(self, z, R):
+        """One measurement a prediction, for the memory counts steps: RuntimeError for a second one."""
         self._one_a_prediction()
-        super().update(z)
+        super()._update(z, R)
+        steps, self._steps = self._steps, 0
         if self.manoeuvring:
             self._perhaps_leave()
             return
-        self._past.append((self.x, self.P, self.z))
-        self.statistic = (1 - 1 / self.window) * self.statistic + nis(self.y, self.S)
+        self._past = [*self._past[-self.window - 1 :], (self.x, self.P, self.z, R.copy(), steps)]
+        self.statistic = fading_sum(self.statistic, nis(self.y, self.S), self.window)
         if self.statistic > self.enter_limit and len(self._past) == self.window + 2:
             self._enter()
 
     def _enter(self):
-        (x, P, _), (_, _, first), *later = self._past
-        self._change(True, *manoeuvre_start(x, P, first, self.R, self.dt))
-        for _, _, z in later:
-            super().predict()
-            super().update(z)
-        self._past.clear()
-        self.statistic = 0.0
+        evidence = {name: getattr(self, name) for name in ("y", "S", "SI")}
+        (x, P, *_), (_, _, first, R, steps), *later = self._past
+        self._change(True, *manoeuvre_start(x, P, first, R, steps * self.dt))
+        for _, _, z, R, steps in later:
+            for _ in range(steps):
+                super().predict()
+            super()._update(z, R)
+        self.__dict__.update(evidence)
+        self._past, self.statistic = [], 0.0
 
     def _perhaps_leave(self):
         some = self._accelerations
-        self._significance.append(nis(self.x[some], self.P[np.ix_(some, some)]))
+        self._significance = [*self._significance, nis(self.x[some], self.P[np.ix_(some, some)])][-self.window :]
         if len(self._significance) == self.window and sum(self._significance) < self.leave_limit:
+            self.x_prior, self.P_prior = self.x_prior[self._kept], self.P_prior[np.ix_(self._kept, self._kept)]
             self._change(False, self.estimate, self.estimate_P)
-            self._significance.clear()
-            self._past.append((self.x, self.P, None))
+            self._significance, self._past = [], [(self.x, self.P, None, None, 0)]
 
     def _change(self, manoeuvring, x, P):
         self.manoeuvring = manoeuvring
         self.F, self.H, self.Q = self._models[manoeuvring]
         self.dim_x, self._I = len(x), np.eye(len(x))
-        self.x, self.P = x, check_covariance(P, "P", len(x))
-        self.x_post, self.P_post = x.copy(), self.P.copy()
+        self.x, self.P = x, P
+        self.x_post, self.P_post = x.copy(), P.copy()

@@ -2,16 +2,21 @@
 
 import numpy as np
 
-from trackhelpers.consistency import nis
-from trackhelpers.detection import check_inflation, check_window, fading_limit
-from trackhelpers.filters.matrices import MatrixKF
+from trackhelpers.filters.base import atomic
+from trackhelpers.filters.matrix_filter import AdaptiveKF, inverse_of_S
+from trackhelpers.manoeuvre import check_inflation, check_window, fading_limit, fading_sum
 
 
-class VarianceInflationKF(MatrixKF):
+def inflated(P, noise, manoeuvring, inflation):
+    """P (n, n, ...), into which `noise` (n, n, ...) went since the last measurement, with `inflation` times that where `manoeuvring`, shape (...)."""
+    return P + (inflation - 1) * noise * manoeuvring
+
+
+class VarianceInflationKF(AdaptiveKF):
     """Kalman filter that multiplies Q by a constant while a fading sum of its squared innovations is above its limit.
 
     The innovations are normalised by the covariance that the filter would have had without any inflation; otherwise the inflated filter would find itself
-    consistent, go back at once, and chatter.
+    consistent, go back at once, and chatter. A missed scan leaves the sum; what the target did meanwhile is inflated, or not, at the next measurement.
 
     Parameters
     ----------
@@ -20,7 +25,7 @@ class VarianceInflationKF(MatrixKF):
     inflation : float
         What Q is multiplied by, ≥ 1.
     window : int
-        Steps that the fading sum remembers; see `trackhelpers.detection.fading_limit`.
+        Steps that the fading sum remembers; see `trackhelpers.manoeuvre.fading_limit`.
     probability : float
         With which the sum stays below its limit while the target does not manoeuvre.
 
@@ -40,27 +45,24 @@ class VarianceInflationKF(MatrixKF):
         self.window = check_window(window)
         self.limit = fading_limit(self.dim_z, self.window, probability)
         self.statistic, self.manoeuvring = 0.0, False
-        self._quiet_P, self._predicted = self.P.copy(), False
+        self._quiet_P, self._noise = self.P.copy(), 0 * self.Q  # P without any inflation; the process noise since the last measurement
 
+    @atomic
     def predict(self):
         """Predict with the plain Q; `update` adds the rest where it is wanted."""
         super().predict()
-        self._quiet_P, self._predicted = self.F @ self._quiet_P @ self.F.T + self.Q, True
+        self._quiet_P, self._noise = (self.F @ P @ self.F.T + self.Q for P in (self._quiet_P, self._noise))
 
-    def update(self, z):
-        """Correct by measurement `z`, shape (m,); None leaves the prediction and the fading sum."""
-        if z is None:
-            self._no_measurement()
-            return
-        z = self._measurement(z)
-        quiet_S = self.H @ self._quiet_P @ self.H.T + self.R
-        self.statistic = (1 - 1 / self.window) * self.statistic + nis(z - self.H @ self.x, quiet_S)
+    def _update(self, z, R):
+        seen, y = self.H @ self._quiet_P, z - self.H @ self.x
+        SI = inverse_of_S(seen @ self.H.T + R)
+        self.statistic = fading_sum(self.statistic, y @ SI @ y, self.window)
         self.manoeuvring = bool(self.statistic > self.limit)
-        if self.manoeuvring and self._predicted:  # a second measurement at the same instant finds Q inflated already
-            self.P = self.P + (self.inflation - 1) * self.Q
-            self.P_prior = self.P.copy()
-        K = np.linalg.solve(quiet_S, self.H @ self._quiet_P).T
+        self.P_prior = self.P = inflated(self.P, self._noise, self.manoeuvring, self.inflation)
+        K = seen.T @ SI
         A = np.eye(self.dim_x) - K @ self.H
-        self._quiet_P = A @ self._quiet_P @ A.T + K @ self.R @ K.T
-        self._predicted = False
-        super().update(z)
+        self._quiet_P, self._noise = (
+            A @ self._quiet_P @ A.T + K @ R @ K.T,
+            0 * self.Q,
+        )  # a second measurement at the same instant finds the noise inflated
+        super()._update(z, R)

@@ -8,7 +8,7 @@ from scipy import stats
 from trackhelpers import exact
 from trackhelpers.arrays import check_array, check_covariance
 from trackhelpers.ensemble import EnsembleKF
-from trackhelpers.filters.matrices import MatrixKF
+from trackhelpers.filters.matrix_filter import MatrixKF
 from trackhelpers.intervals import mean_interval
 from trackhelpers.scenarios.augmented_bias.contenders import POSITION_VELOCITY, SIGMA_A, H, Linear
 from trackhelpers.scenarios.augmented_bias.target import R, T
@@ -71,7 +71,7 @@ class TwoStageKF(MatrixKF):
     ----------
     bias (n,), bias_P (n, n) : b and its covariance
     V (n, n) : what a unit of b adds to the bias-free filter's error
-    estimate (n,) : x + V b
+    estimate (n,), estimate_P (n, n) : x + V b
 
     Raises
     ------
@@ -93,11 +93,8 @@ class TwoStageKF(MatrixKF):
         super().predict()
         self.V = self.F @ self.V + np.eye(self.dim_x)
 
-    def update(self, z):
-        """Correct both by the measurement `z`, shape (m,); None leaves the prediction of both."""
-        super().update(z)
-        if z is None:
-            return
+    def _update(self, z, R):
+        super()._update(z, R)
         shown = self.H @ self.V  # what a unit of b adds to the innovation
         S = self.S + shown @ self.bias_P @ shown.T
         K = np.linalg.solve(S, shown @ self.bias_P).T
@@ -109,6 +106,11 @@ class TwoStageKF(MatrixKF):
     def estimate(self):
         """Estimate of the state that the bias drives, shape (n,)."""
         return self.x + self.V @ self.bias
+
+    @property
+    def estimate_P(self):
+        """Its covariance, shape (n, n)."""
+        return self.P + self.V @ self.bias_P @ self.V.T
 
 
 def mean_error(K, linear, track):

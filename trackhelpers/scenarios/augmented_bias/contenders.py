@@ -26,7 +26,6 @@ from trackhelpers.filters import (
     VarianceInflationKF,
     augmented_matrices,
 )
-from trackhelpers.filters.strong_tracking import axes_seen
 from trackhelpers.motion import CA, CV, LinearModel, Singer
 from trackhelpers.scenarios.augmented_bias.target import P0, R, T
 from trackhelpers.sensors import LinearSensor
@@ -125,14 +124,10 @@ class Adaptive(_Contender):
     def steps(self, x0, z):
         """As `Linear.steps`. With two models in force the NIS is that of the mixture's, or of the present model's, prediction."""
         ens = self.ensemble(x0)
-        mixed = hasattr(ens, "estimate")
         for k in range(z.shape[1]):
             ens.predict()
-            if mixed:
-                y, S = z[:, k] - ens.estimate[[0, 2]], ens.estimate_P[np.ix_([0, 2], [0, 2])] + R[..., None]
             ens.update(z[:, k])
-            x, P = (ens.estimate, ens.estimate_P) if mixed else (ens.x, ens.P)
-            yield Step(x, P, nis(y, S) if mixed else nis(ens.y, ens.S))
+            yield Step(ens.estimate, ens.estimate_P, nis(ens.y, ens.S))
 
 
 def gains(linear, steps):
@@ -191,13 +186,8 @@ def augmented_kf(x0, Q_bias="0.01, 0.01", reading="R1"):
 
 def strong_tracking(beta=4.0, factors="one", rho=0.95):
     """The strong tracking filter (STKF) on CV."""
-
-    def arguments(x0, single):
-        more = {"factors": factors} if single else {"axis": axes_seen(F, H) if factors == "per axis" else None}
-        return (F, H, Q, R, x0, P0), {"beta": beta, "rho": rho} | more
-
-    name = f"STKF β={beta:g}, {factors}"
-    return Adaptive(name, (StrongTrackingKF, EnsembleStrongTrackingKF), arguments, honest=False)
+    classes, settings = (StrongTrackingKF, EnsembleStrongTrackingKF), {"beta": beta, "rho": rho, "factors": factors}
+    return Adaptive(f"STKF β={beta:g}, {factors}", classes, lambda x0, single: ((F, H, Q, R, x0, P0), settings), honest=False)
 
 
 def variance_inflation(**settings):

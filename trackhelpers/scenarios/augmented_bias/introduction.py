@@ -118,8 +118,8 @@ def walk(kf, z):
 def single_errors(contender, runs, run=0):
     """Errors (4, N + 1) of the contender's filterpy subclass on one run."""
     track, kept = runs.track[..., min(run, runs.track.shape[2] - 1)], getattr(contender, "to_estimate", np.eye(4))
-    path = (kf.estimate if hasattr(kf, "estimate") else kept @ kf.x for kf in walk(contender.single(runs.start[:, run]), runs.z[..., run]))
-    return np.stack([runs.start[:, run], *(x.copy() for x in path)], axis=1) - track
+    path = (kept @ kf.estimate for kf in walk(contender.single(runs.start[:, run]), runs.z[..., run]))
+    return np.stack([runs.start[:, run], *path], axis=1) - track
 
 
 def ratio(numerator, denominator, part, component="x", of_part=None):

@@ -9,7 +9,7 @@ from scipy.linalg import expm
 
 from trackhelpers.consistency import nis
 from trackhelpers.ensemble import EnsembleKF
-from trackhelpers.ensemble.matrices import EnsembleMatrixKF
+from trackhelpers.ensemble.many_matrix_filters import EnsembleMatrixKF
 from trackhelpers.ensemble.switching import EnsembleVariableDimensionKF
 from trackhelpers.intervals import Interval, mean_interval, ratio_interval
 from trackhelpers.motion import Singer

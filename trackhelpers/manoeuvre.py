@@ -4,7 +4,7 @@ import numpy as np
 from scipy import stats
 from scipy.optimize import brentq
 
-from trackhelpers.arrays import check_array, check_dt, check_scale, inverse, matmul, matvec
+from trackhelpers.arrays import check_array, check_dt, check_scale, congruence, inverse, matmul, matvec
 
 
 def check_probability(value, name):
@@ -65,16 +65,23 @@ def fading_limit(dim, window, probability):
     return float(brentq(lambda limit: np.log(exceeded(limit) / tail), low, high, xtol=1e-10))
 
 
-class OneAPrediction:
-    """For filters whose memory counts steps, so that two measurements at one instant would be taken for two steps: `predict` sets `_predicted`."""
+def fading_sum(total, nis, window):
+    """The sum of `fading_limit` after another NIS, both of shape (...)."""
+    return (1 - 1 / window) * total + nis
 
-    _predicted = False
+
+class OneAPrediction:
+    """For filters whose memory counts steps, so that two measurements at one instant would be taken for two steps.
+
+    `_steps` counts the predictions since the last measurement: an int, or (M,) for many runs. It is more than 1 after a missed scan.
+    """
+
+    _steps = 0
 
     def _one_a_prediction(self):
         """RuntimeError unless `predict` was called since the last measurement."""
-        if not self._predicted:
+        if not np.all(self._steps):
             raise RuntimeError("update: expected one measurement after each predict(); stack what is measured at one instant into one z")
-        self._predicted = False
 
 
 def check_forgetting(value, name="rho"):
@@ -141,16 +148,23 @@ def position_rows(model):
     return np.eye(model.n)[[i for i, name in enumerate(model.state) if name in ("x", "y", "z")]]
 
 
-def constant_input(y, S, K, F, G, H):
+def with_runs(A, like):
+    """A with an axis of length 1 for the runs where `like` has an axis more; A (p, q) beside P (n, n, M) becomes (p, q, 1)."""
+    return A.reshape(*A.shape, *[1] * (np.ndim(like) - A.ndim))
+
+
+def constant_input(y, S, K, steps, F, G, H):
     """Least squares estimate of an input that entered at every step of a window, from the innovations of a filter that did not know of it.
 
     An input u moves the filter's error by −b_j u, with b⁻ = F b + G and b = (I − KH) b⁻ from b = 0 at the window's beginning, and so each innovation by H b⁻ u
-    (Chan, Hu and Plant, IEEE Transactions on Aerospace and Electronic Systems AES-15, 1979).
+    (Chan, Hu and Plant, IEEE Transactions on Aerospace and Electronic Systems AES-15, 1979). A step without a measurement has K = 0.
 
     Parameters
     ----------
     y, S, K : sequences of arrays (m, ...), (m, m, ...) and (n, m, ...)
-        Innovations, their covariances, and gains of the window's steps, the oldest first.
+        Innovations, their covariances, and gains of the window's measurements, the oldest first.
+    steps : sequence of int or of arrays (...)
+        Steps that led to each measurement from the one before: 1, or more where scans were missed.
     F, G, H : numpy.ndarray, shapes (n, n), (n, q) and (m, n)
 
     Returns
@@ -162,11 +176,13 @@ def constant_input(y, S, K, F, G, H):
     significance : numpy.ndarray, shape (...)
         uᵀ covariance⁻¹ u, chi-square with q degrees of freedom when there is no input.
     """
-    ahead = G.reshape(*G.shape, *[1] * (S[0].ndim - 2))
     b = np.zeros((*G.shape, *S[0].shape[2:]))
+    ahead = with_runs(G, b)
     information, weighted = 0.0, 0.0
-    for innovation, cov, gain in zip(y, S, K, strict=True):
-        b = matmul(F, b) + ahead
+    for innovation, cov, gain, count in zip(y, S, K, steps, strict=True):
+        for step in range(np.max(count)):
+            moved = matmul(F, b) + ahead
+            b = moved if step < np.min(count) else np.where(step < count, moved, b)
         seen = matmul(H, b)
         whitened = matmul(inverse(cov), seen)
         information = information + np.einsum("ki...,kj...->ij...", seen, whitened)
@@ -178,7 +194,7 @@ def constant_input(y, S, K, F, G, H):
 
 
 def manoeuvre_start(x, P, z, R, dt):
-    """A state with acceleration for a manoeuvre that began one step ago, from the estimate before it and the first measurement in it.
+    """A state with acceleration for a manoeuvre that began `dt` ago, from the estimate at its beginning and the first measurement in it.
 
     Bar-Shalom and Birmiwal, IEEE Transactions on Aerospace and Electronic Systems AES-18 (1982): an axis with position p, velocity v and a measured z gets the
     acceleration 2(z − p − vT)/T², the velocity v + T times that, and the position z. The covariance is that of these linear functions.
@@ -189,17 +205,24 @@ def manoeuvre_start(x, P, z, R, dt):
         Position and velocity of k axes, axis after axis, before the manoeuvre.
     P : numpy.ndarray, shape (2k, 2k, ...)
     z : numpy.ndarray, shape (k, ...)
-        Position measured `dt` later, with noise covariance R (k, k).
-    dt : float
-        Step, s, > 0.
+        Position measured `dt` later.
+    R : numpy.ndarray, shape (k, k) or (k, k, ...)
+        Covariance of its noise.
+    dt : float or numpy.ndarray, shape (...)
+        Time since the estimate, s, > 0: one step, or several where scans were missed.
 
     Returns
     -------
     x (3k, ...), P (3k, 3k, ...) : numpy.ndarray
         Position, velocity and acceleration, axis after axis.
     """
-    axes, dt = np.eye(len(z)), check_step(dt)
-    B = np.kron(axes, [[0, 0], [-2 / dt, -1], [-2 / dt**2, -2 / dt]])
-    A = np.kron(axes, [[1], [2 / dt], [2 / dt**2]])
-    spread = (A @ R @ A.T).reshape(len(A), len(A), *[1] * (P.ndim - 2))
-    return matvec(A, z) + matvec(B, x), matmul(matmul(B, P), B.T) + spread
+    dt = np.asarray(dt, dtype=float)
+    if not np.all(dt > 0):
+        raise ValueError(f"dt: expected times > 0 s, got {dt}")
+    B, A = np.zeros((3 * len(z), 2 * len(z), *dt.shape)), np.zeros((3 * len(z), len(z), *dt.shape))
+    for axis in range(len(z)):
+        p, v, a = range(3 * axis, 3 * axis + 3)
+        A[p, axis], A[v, axis], A[a, axis] = 1, 2 / dt, 2 / dt**2
+        B[v, 2 * axis], B[v, 2 * axis + 1] = -2 / dt, -1
+        B[a, 2 * axis], B[a, 2 * axis + 1] = -2 / dt**2, -2 / dt
+    return matvec(A, z) + matvec(B, x), congruence(B, P) + with_runs(congruence(A, R), P)

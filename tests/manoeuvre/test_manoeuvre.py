@@ -2,8 +2,10 @@
 
 import numpy as np
 import pytest
+from scipy.linalg import block_diag
 
-from trackhelpers.detection import (
+from trackhelpers.filters import MatrixKF
+from trackhelpers.manoeuvre import (
     check_forgetting,
     check_inflation,
     check_input,
@@ -12,7 +14,6 @@ from trackhelpers.detection import (
     fading_limit,
     manoeuvre_start,
 )
-from trackhelpers.filters import MatrixKF
 from trackhelpers.motion import CV
 
 T = 1.0
@@ -42,7 +43,7 @@ def filtered(z, x0=(0.0, 5.0, 0.0, 5.0)):
     for measured in z:
         kf.predict()
         kf.update(measured)
-        past.append((kf.y, kf.S, kf.K))
+        past.append((kf.y, kf.S, kf.K, 1))
     return kf, zip(*past, strict=True)
 
 
@@ -76,9 +77,49 @@ def test_many_runs_at_once_give_what_each_gives_alone():
     z = np.random.default_rng(2).normal(size=(8, 2, 3)).cumsum(axis=0)
     alone = [constant_input(*filtered(z[..., r])[1], F, G, H) for r in range(3)]
     pasts = [list(filtered(z[..., r])[1]) for r in range(3)]
-    together = [[np.stack([past[part][k] for past in pasts], axis=-1) for k in range(8)] for part in range(3)]
+    together = [[np.stack([past[part][k] for past in pasts], axis=-1) for k in range(8)] for part in range(4)]
     for one, all_ in zip(zip(*alone, strict=True), constant_input(*together, F, G, H), strict=True):
         np.testing.assert_allclose(np.stack(one, axis=-1), all_, atol=1e-10)
+
+
+def test_a_missed_scan_is_a_step_of_the_input_without_a_measurement():
+    """The window's weighted least squares written out: each column of the regression is the filter's own answer to one unit of the input."""
+    rng, seen = np.random.default_rng(4), [0, 1, 4, 5, 8, 11, 12]
+    z, columns = rng.normal(size=(13, 2)).cumsum(axis=0), []
+    for unit in np.eye(2):
+        x, answer = np.zeros(4), MatrixKF(F, H, Q, R, np.zeros(4), np.eye(4))
+        columns.append([])
+        for k in range(13):
+            x = F @ x + G @ unit
+            answer.predict()
+            answer.update(H @ x if k in seen else None)
+            columns[-1].extend(answer.y)
+    kf, past = MatrixKF(F, H, Q, R, np.zeros(4), np.eye(4)), []
+    for k in range(13):
+        kf.predict()
+        kf.update(z[k] if k in seen else None)
+        if k in seen:
+            past.append((kf.y, kf.S, kf.K, k - max([s for s in seen if s < k], default=-1)))
+    white = np.linalg.inv(np.linalg.cholesky(block_diag(*[S for _, S, _, _ in past])))
+    D, y = white @ np.array(columns).T, white @ np.concatenate([y for y, *_ in past])
+    found, covariance, _, significance = constant_input(*zip(*past, strict=True), F, G, H)
+    np.testing.assert_allclose(found, np.linalg.lstsq(D, y)[0], atol=1e-12)
+    np.testing.assert_allclose(covariance, np.linalg.inv(D.T @ D), atol=1e-12)
+    np.testing.assert_allclose(significance, found @ D.T @ D @ found, rtol=1e-10)
+
+
+def test_a_manoeuvre_may_have_begun_several_steps_ago_and_longer_ago_in_some_runs_than_in_others():
+    steps, R_runs = np.array([1, 3, 2]), np.stack([3.0 * np.eye(2), np.diag([1.0, 5.0]), [[2.0, 1.0], [1.0, 2.0]]], axis=-1)
+    rng = np.random.default_rng(5)
+    x, z, P = rng.normal(size=(4, 3)), rng.normal(size=(2, 3)), np.stack([k * np.eye(4) for k in (1.0, 2.0, 3.0)], axis=-1)
+    states, Ps = manoeuvre_start(x, P, z, R_runs, steps * T)
+    for r, count in enumerate(steps):
+        alone = manoeuvre_start(x[:, r], P[..., r], z[:, r], R_runs[..., r], count * T)
+        np.testing.assert_allclose(states[:, r], alone[0], atol=1e-13)
+        np.testing.assert_allclose(Ps[..., r], alone[1], atol=1e-13)
+        a = states[[2, 5], r]  # as if it had accelerated all the time
+        np.testing.assert_allclose(H @ x[:, r] + count * x[[1, 3], r] + a * count**2 / 2, z[:, r], atol=1e-12)
+        np.testing.assert_allclose(states[[1, 4], r], x[[1, 3], r] + a * count, atol=1e-12)
 
 
 def test_the_start_of_a_manoeuvre_is_exact_without_noise_and_its_covariance_is_that_of_the_linear_map():
