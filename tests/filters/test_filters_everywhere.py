@@ -308,3 +308,33 @@ def test_nees_knows_the_models_angles(Single, Ensemble):
 
 def test_the_ensemble_is_not_evensens():
     assert "Evensen" in EnsembleKF.__doc__ and issubclass(CV, Model)
+
+
+MASKED = np.ma.array([[1.0, 2.0, -999.0], [1.0, 2.0, 3.0]], mask=[[False, False, True], [False] * 3])
+
+
+@pytest.mark.parametrize("Ensemble", ENSEMBLES)
+@pytest.mark.parametrize(
+    "call",
+    [
+        lambda ens: ens.update(MASKED, NEAR),
+        lambda ens: ens.update(MASKED.astype(complex), NEAR),
+        lambda ens: ens.update([["1"] * 3] * 2, NEAR),
+        lambda ens: ens.predict(np.timedelta64(1, "s")),
+        lambda ens: type(ens)(ens.model, np.ma.array(np.ones((4, 3)), mask=np.eye(4, 3)), np.eye(4)),
+        lambda ens: ens.nees(np.ma.array(np.ones(4), mask=[True, False, False, False])),
+    ],
+)
+def test_what_stands_behind_a_mask_is_no_number_of_an_ensemble_either(Ensemble, call):
+    ens = Ensemble(CV(0.5), np.zeros((4, 3)), np.eye(4))
+    ens.predict(0.1)
+    before = ens.x, ens.P.copy()
+    with pytest.raises(ValueError):
+        call(ens)
+    assert ens.x is before[0] and np.array_equal(ens.P, before[1])
+
+
+@pytest.mark.parametrize("make", [lambda bad: LinearSensor(bad, np.eye(2), ("a", "b")), lambda bad: Position(R=bad, state=CV().state)])
+def test_nor_of_a_sensor(make):
+    with pytest.raises(ValueError, match=r"masked|H|R"):
+        make(np.ma.array(np.eye(2), mask=[[True, False], [False, False]]))

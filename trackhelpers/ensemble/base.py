@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from trackhelpers.arrays import all_finite, check_covariance, matvec
+from trackhelpers.arrays import all_finite, check_array, check_covariance, matvec
 from trackhelpers.consistency import nees
 from trackhelpers.filters.on_model import check_fit
 
@@ -13,7 +13,7 @@ class Ensemble:
     """Arguments, masks and the bookkeeping that the ensemble filters share."""
 
     def __init__(self, model, x0, P0):
-        x0 = np.asarray(x0, dtype=float)
+        x0 = check_array(x0, "x0", None)
         if x0.ndim != 2 or x0.shape[0] != model.n or x0.shape[1] == 0:
             raise ValueError(f"x0: expected shape ({model.n}, M), runs on the last axis, got {x0.shape}")
         if not np.all(np.isfinite(x0)):
@@ -44,7 +44,7 @@ class Ensemble:
 
     def nees(self, truth, fold=False):
         """NEES of each run against `truth`, (n,), (n, 1) or (n, M): shape (M,); as that of the filters of one target."""
-        truth = np.asarray(truth, dtype=float)
+        truth = check_array(truth, "truth", self.model.n)
         truth = truth[:, None] if truth.ndim == 1 else truth
         return nees(self.model.fold(truth, near=self.x) if fold else truth, self.x, self.P, self.model.angles)
 
@@ -61,7 +61,7 @@ class Ensemble:
         if self._known[0] is not sensor or self._known[1] is not self.model:
             check_fit(sensor, self.model)
             self._known = sensor, self.model
-        z = np.asarray(z, dtype=float)
+        z = check_array(z, "z", None)
         if z.shape not in ((sensor.m, self.runs), (sensor.m, 1)):
             raise ValueError(
                 f"z: expected shape ({sensor.m}, {self.runs}), runs on the last axis, or ({sensor.m}, 1) for all, got {z.shape}"

@@ -49,7 +49,7 @@ def augmented_matrices(F, H, Q, Q_bias, reading="R1"):
     """
     if reading not in READINGS:
         raise ValueError(f"reading: expected one of {list(READINGS)}, got {reading!r}")
-    F, H = np.asarray(F, dtype=float), np.atleast_2d(np.asarray(H, dtype=float))
+    F, H = np.atleast_2d(F), np.atleast_2d(H)
     n = len(F)
     F, H = check_matrix(F, "F", (n, n)), check_matrix(H, "H", (len(H), n))
     eye, nought = np.eye(n), np.zeros((n, n))
@@ -95,7 +95,7 @@ class AugmentedBiasKF(MatrixKF):
     """
 
     def __init__(self, F, H, Q, R, Q_bias, x0, P0, reading="R1", P_bias0=None):
-        x0 = np.atleast_1d(np.asarray(x0, dtype=float))
+        x0 = np.atleast_1d(x0)
         n = len(x0)
         check_matrix(F, "F", (n, n))
         F_A, H_A, Q_A, to_estimate = augmented_matrices(F, H, Q, Q_bias, reading)

@@ -37,7 +37,7 @@ class MatrixKF(OneTarget, KalmanFilter):
     """
 
     def __init__(self, F, H, Q, R, x0, P0):
-        x0 = np.atleast_1d(np.asarray(x0, dtype=float))
+        x0 = np.atleast_1d(x0)
         n, m = len(x0), len(np.atleast_2d(H))
         super().__init__(dim_x=n, dim_z=m)
         self.x = check_array(x0, "x0", n, ()).copy()

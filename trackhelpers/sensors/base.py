@@ -127,7 +127,7 @@ class Sensor:
         """R of the rows taken."""
         every, taken = len(self.components), list(self._taken)
         if R is not None:
-            size = len(np.atleast_2d(np.asarray(R, dtype=float)))
+            size = len(np.atleast_2d(R))
             if size == every:
                 return check_covariance(R, "R", every)[np.ix_(taken, taken)]
             return check_covariance(R, "R", len(taken))

@@ -91,7 +91,7 @@ class LinearSensor(Sensor):
     linear = True
 
     def __init__(self, H, R, state, names=None, angles=None):
-        H = np.atleast_2d(np.asarray(H, dtype=float))
+        H = np.atleast_2d(H)
         self.names = tuple(f"z{i + 1}" for i in range(len(H))) if names is None else tuple(names)
         super().__init__(1.0, state, check_covariance(R, "R", len(self.names)), angles=angles)
         H = check_array(H, "H", self.m, (len(self.state),))
