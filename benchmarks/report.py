@@ -17,7 +17,7 @@ NAMES = {
     "ours": "ensemble",
     "filterpy": "filterpy, model by hand",
     "filterpy redrawn": "filterpy, model by hand, points redrawn, angles wrapped",
-    "filterpy IMM": "filterpy's IMMEstimator on the same two filters",
+    "filterpy IMM": "filterpy's IMMEstimator on two KalmanFilters",
     "NumPy alone": "ensemble without numba",
     "C": "C with SIMD",
 }

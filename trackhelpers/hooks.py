@@ -46,10 +46,11 @@ def dense(entries, constant, x, mirrored=False):
         matrix[:] = constant.reshape(*constant.shape, *[1] * (x.ndim - 1))
     else:
         matrix = constant.copy()
-    for (i, j), value in entries.items():
-        matrix[i, j] = value
-        if mirrored:
-            matrix[j, i] = value
+    for place, value in entries.items():
+        matrix[place] = value
+    if mirrored:
+        for place, value in entries.items():
+            matrix[place[::-1]] = value
     if matrix.ndim <= x.ndim:
         matrix = np.broadcast_to(matrix.reshape(*matrix.shape, *[1] * (x.ndim - 1)), (*matrix.shape, *x.shape[1:]))
     return matrix

@@ -186,8 +186,8 @@ class Model:
             inputs[q].append((i, self.sigmas[q] * value))
         noise = {}
         for column in inputs:
-            column.sort(key=lambda entry: entry[0])
             for k, (i, a) in enumerate(column):
                 for j, b in column[: k + 1]:
-                    noise[i, j] = noise[i, j] + a * b if (i, j) in noise else a * b
+                    place = (i, j) if i >= j else (j, i)
+                    noise[place] = noise[place] + a * b if place in noise else a * b
         return noise

@@ -6,7 +6,6 @@ from filterpy.kalman import ExtendedKalmanFilter, IMMEstimator, KalmanFilter, Me
 from benchmarks.peers import ctrv
 from benchmarks.peers.loops import one_by_one
 from benchmarks.workloads import QUIET
-from trackhelpers.filters import MatrixKF
 
 
 class _ByHand(ExtendedKalmanFilter):
@@ -110,7 +109,7 @@ def filterpy_ukf(problem, redrawn=False):
 
 
 def filterpy_imm(problem):
-    """filterpy's IMMEstimator on two MatrixKF, the quiet one written in the state of the other."""
+    """filterpy's IMMEstimator on two of its KalmanFilters, the quiet one written in the state of the other."""
     (sensor,), model, T = problem.sensors, problem.model, problem.T
     E = np.array([[float(a == b) for b in QUIET.state] for a in model.state])
     still, nought, H = np.zeros(QUIET.n), np.zeros(model.n), sensor.H(problem.x0[:, 0])
@@ -118,7 +117,10 @@ def filterpy_imm(problem):
     transition = np.array([[0.98, 0.02], [0.02, 0.98]])
 
     def start(i):
-        return IMMEstimator([MatrixKF(F, H, Q, sensor.R, problem.x0[:, i], problem.P0) for F, Q in pair], (0.9, 0.1), transition)
+        filters = [KalmanFilter(dim_x=len(nought), dim_z=len(H)) for _ in pair]
+        for kf, (F, Q) in zip(filters, pair, strict=True):
+            kf.x, kf.P, kf.F, kf.Q, kf.H, kf.R = problem.x0[:, i], problem.P0, F, Q, H, sensor.R
+        return IMMEstimator(filters, (0.9, 0.1), transition)
 
     def step(kf, k, i):
         kf.predict()

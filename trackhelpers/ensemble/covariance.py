@@ -118,10 +118,8 @@ def correct(P, entries, R):
     B = np.einsum("ik...,jk...->ij...", K, PHt)  # a large temporary array costs more than the arithmetic: what can be is done in place
     np.subtract(P, B, out=B)
     slack = np.zeros_like(PHt)
-    for k in range(m):
-        for l in range(m):
-            if R[k, l].any():
-                slack[:, l] -= K[:, k] * R[k, l]
+    for k, l in np.argwhere(R.any(axis=2)).tolist():
+        slack[:, l] -= K[:, k] * R[k, l]
     _add_right(slack, B, H)
     B -= np.einsum("ik...,jk...->ij...", slack, K)
     copy_lower(B)

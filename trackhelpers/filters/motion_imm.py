@@ -5,7 +5,7 @@ from filterpy.kalman import IMMEstimator
 
 from trackhelpers import angles as _angles
 from trackhelpers.arrays import check_array, divide
-from trackhelpers.filters.base import OneTarget, refused
+from trackhelpers.filters.base import OneTarget, atomic, refused
 from trackhelpers.hooks import central_differences
 
 
@@ -73,24 +73,21 @@ class MotionIMM(OneTarget, IMMEstimator):
         self.x_prior, self.P_prior = self.x.copy(), self.P.copy()
         self.x_post, self.P_post = self.x.copy(), self.P.copy()
 
+    @atomic
     def predict(self, dt):
         """Mix the filters' estimates, predict each over `dt` seconds, dt ≥ 0, and move the probabilities on by one step of the chain."""
-        kept = self._kept()
-        try:
-            after = self._after(self.mu)
-            self.omega = self._mixing(after)
-            moments = [one.moments(kf) for one, kf in zip(self._maps, self.filters, strict=True)]
-            for j, (one, kf) in enumerate(zip(self._maps, self.filters, strict=True)):
-                one.put(kf, *self._mixed(self.omega[:, j], moments), *moments[j], self._angles)
-            for kf in self.filters:
-                kf.predict(dt)
-            self.mu = self.cbar = after
-            self._mixture()
-            self.x_prior, self.P_prior = self.x.copy(), self.P.copy()
-        except BaseException:
-            self._restore(kept)
-            raise
+        after = self._after(self.mu)
+        self.omega = self._mixing(after)
+        moments = [one.moments(kf) for one, kf in zip(self._maps, self.filters, strict=True)]
+        for j, (one, kf) in enumerate(zip(self._maps, self.filters, strict=True)):
+            one.put(kf, *self._mixed(self.omega[:, j], moments), *moments[j], self._angles)
+        for kf in self.filters:
+            kf.predict(dt)
+        self.mu = self.cbar = after
+        self._mixture()
+        self.x_prior, self.P_prior = self.x.copy(), self.P.copy()
 
+    @atomic
     def update(self, z, sensor=None, R=None):
         """Correct each filter by `z`, shape (m,), and weigh the models by their likelihoods, whose logarithms are compared.
 
@@ -103,24 +100,19 @@ class MotionIMM(OneTarget, IMMEstimator):
         R : array_like, shape (m, m), optional
             In the place of the sensors', this time.
         """
-        kept = self._kept()
-        try:
-            sensors = [sensor] * self.N if sensor is None or hasattr(sensor, "h") else list(sensor)
-            if len(sensors) != self.N:
-                raise ValueError(f"sensor: expected one or {self.N}, one a model, got {len(sensors)}")
-            for kf, own in zip(self.filters, sensors, strict=True):
-                kf.update(z, own, R=R)
-            logs = np.array([kf.log_likelihood for kf in self.filters])
-            self.likelihood = np.exp(logs - logs.max())  # up to a common factor
-            weights = self.mu * self.likelihood
-            self.mu = weights / weights.sum()
-            self._log_likelihood, self._likelihood = float(logs.max() + np.log(weights.sum())), None  # of the mixture
-            self._mixture()
-            self.z = None if z is None else self.filters[0].z
-            self.x_post, self.P_post = self.x.copy(), self.P.copy()
-        except BaseException:
-            self._restore(kept)
-            raise
+        sensors = [sensor] * self.N if sensor is None or hasattr(sensor, "h") else list(sensor)
+        if len(sensors) != self.N:
+            raise ValueError(f"sensor: expected one or {self.N}, one a model, got {len(sensors)}")
+        for kf, own in zip(self.filters, sensors, strict=True):
+            kf.update(z, own, R=R)
+        logs = np.array([kf.log_likelihood for kf in self.filters])
+        self.likelihood = np.exp(logs - logs.max())  # up to a common factor
+        weights = self.mu * self.likelihood
+        self.mu = weights / weights.sum()
+        self._log_likelihood, self._likelihood = float(logs.max() + np.log(weights.sum())), None  # of the mixture
+        self._mixture()
+        self.z = None if z is None else self.filters[0].z
+        self.x_post, self.P_post = self.x.copy(), self.P.copy()
 
     def _after(self, mu):
         return mu @ self.M
@@ -140,14 +132,6 @@ class MotionIMM(OneTarget, IMMEstimator):
         apart = apart - mean
         P = np.einsum("k,kij->ij", weights, np.array([P for _, P in moments])) + (weights * apart.T) @ apart
         return _angles.wrap_components(centre + mean, self._angles), P
-
-    def _kept(self):
-        return self.__dict__.copy(), [kf.__dict__.copy() for kf in self.filters]
-
-    def _restore(self, kept):
-        for owner, before in zip((self, *self.filters), (kept[0], *kept[1]), strict=True):
-            owner.__dict__.clear()
-            owner.__dict__.update(before)
 
 
 class _Picked:

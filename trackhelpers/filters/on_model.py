@@ -45,7 +45,7 @@ class OnModel(OneTarget):
         if self._known[0] is not sensor or self._known[1] is not self.model:
             check_fit(sensor, self.model)
             self._known = sensor, self.model
-        z = check_array(z if np.ndim(z) else [z], "z", sensor.m, ())
+        z = check_array(z if type(z) is np.ndarray and z.ndim else np.atleast_1d(z), "z", sensor.m, ())
         return z, sensor.R if R is None else check_covariance(R, "R", sensor.m)
 
     def _normalise_posterior(self):

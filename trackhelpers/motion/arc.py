@@ -116,6 +116,9 @@ def _of_number(phi, order):
 def turned_moments(heading, rate, dt, order):
     """e^{iθ} and the moments ∫₀^dt tⁿ e^{i(θ + ωt)} dt, n = 0, …, order, of the direction in a step that turns from `heading` θ at `rate` ω."""
     u = unit(heading)
+    if order == 1 and type(rate) is float and type(dt) is float:  # the commonest case in one breath: E₀ and E₁ of one number
+        E0, E1 = _of_number(rate * dt, 1)
+        return u, [dt * u * E0, dt * dt * u * E1]
     return u, [dt ** (n + 1) * (u * E) for n, E in enumerate(turn_integrals(rate * dt, order))]
 
 
