@@ -208,11 +208,8 @@ def test_an_exception_of_the_task_arrives_with_its_type(n_jobs):
 @pytest.fixture(scope="module")
 def processes():
     dask, distributed = pytest.importorskip("dask"), pytest.importorskip("distributed")
-    settings = {
-        "distributed.scheduler.allowed-failures": 1,
-        "distributed.comm.timeouts.connect": "600s",
-        "distributed.scheduler.worker-ttl": None,
-    }
+    # a worker that was killed is called for as long as the connection may take to be made: patience there is time lost
+    settings = {"distributed.scheduler.allowed-failures": 1, "distributed.comm.timeouts.connect": "60s"}
     with (
         dask.config.set(settings),
         distributed.LocalCluster(

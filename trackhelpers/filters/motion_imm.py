@@ -6,6 +6,7 @@ from filterpy.kalman import IMMEstimator
 from trackhelpers import angles as _angles
 from trackhelpers.arrays import check_array, divide
 from trackhelpers.filters.base import OneTarget, atomic, refused
+from trackhelpers.filters.imm import weighed
 from trackhelpers.hooks import central_differences
 
 
@@ -107,9 +108,8 @@ class MotionIMM(OneTarget, IMMEstimator):
             kf.update(z, own, R=R)
         logs = np.array([kf.log_likelihood for kf in self.filters])
         self.likelihood = np.exp(logs - logs.max())  # up to a common factor
-        weights = self.mu * self.likelihood
-        self.mu = weights / weights.sum()
-        self._log_likelihood, self._likelihood = float(logs.max() + np.log(weights.sum())), None  # of the mixture
+        self.mu, total = weighed(self.mu, logs)
+        self._log_likelihood, self._likelihood = float(total), None  # of the mixture
         self._mixture()
         self.z = None if z is None else self.filters[0].z
         self.x_post, self.P_post = self.x.copy(), self.P.copy()
