@@ -29,7 +29,7 @@ def test_questions_come_in_their_order_with_their_fields(ask):
     first = questions["t9-vx-max"]
     assert first.printed == published("thesis", 9).loc["vx", "max"] == "3.612049"
     assert (first.notebook, first.allowed, first.set) == ("1_thesis/2_kalman_filter", 5e-7, date(2026, 11, 22))
-    assert questions["better"].history == "2026-11-24: was '< 1', 'better' is read as by 10 % throughout; turned reproduced"
+    assert questions["better"].changes == ["2026-11-24: was '< 1', 'better' is read as by 10 % throughout; turned reproduced"]
     assert questions["timing"].withdrawn["verdict"] == "not reproduced"
     assert [questions[id].paper for id in ("gain", "spread", "better", "nees")] == ["", "0.50", "clearly better", ""]
 

@@ -63,10 +63,9 @@ class Question:
         return self.printed or ("" if self.rule in RULES else self.rule)
 
     @property
-    def history(self):
-        """The changes of the question as one line of text."""
-        parts = (f"{c['on']}: was {c['was']!r}, {c['because']}; turned {c['turned']}" for c in self.changed)
-        return " | ".join(parts)
+    def changes(self):
+        """The changes of the question, a line of text each."""
+        return [f"{c['on']}: was {c['was']!r}, {c['because']}; turned {c['turned']}" for c in self.changed]
 
 
 def questions_folder():

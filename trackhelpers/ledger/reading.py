@@ -61,6 +61,6 @@ def _row(question, answer):
         "rule": question.rule,
         "known_before": question.known_before,
         "set": str(question.set),
-        "changed": question.history,
+        "changed": " | ".join(question.changes),
     }
     return answer | texts
