@@ -90,7 +90,8 @@ def for_the_book(notebook):
 def plain(markdown):
     """Return a caption as it would be read aloud: no marks of emphasis, code or formulas, of a link its text."""
     text = re.sub(r"\[([^\]]*)\]\([^)]*\)", r"\1", markdown)
-    return " ".join(re.sub(r"\*\*|[`$]|(?<!\w)\*|\*(?!\w)", "", text).split())
+    text = re.sub(r"\*\*|[`$]", "", text)
+    return " ".join(re.sub(r"\*(\S(?:[^*]*\S)?)\*", r"\1", text).split())
 
 
 def page_of_rows(text):
