@@ -13,6 +13,7 @@ nb_execution_mode = "off"  # they were run before
 nb_ipywidgets_js = {}  # the scripts of live widgets would come from the network
 nb_merge_streams = True
 nb_output_stderr = "error"
+nb_render_markdown_format = "myst"  # captions and ledgers link to pages and hold formulas
 
 html_theme = "sphinx_book_theme"
 html_title = project

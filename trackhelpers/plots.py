@@ -8,7 +8,9 @@ import re
 import textwrap
 
 import matplotlib as mpl
+import matplotlib.pyplot as plt
 import numpy as np
+from IPython.display import Markdown, display
 from matplotlib.patches import Ellipse
 from scipy.stats import chi2
 
@@ -25,6 +27,7 @@ __all__ = [
     "flow",
     "measured",
     "nees_plot",
+    "show",
     "truth",
     "use_style",
 ]
@@ -208,6 +211,25 @@ def flow(ax, boxes, arrows, fontsize=9.0):
     ax.set_aspect("equal", adjustable="box")
     ax.set_axis_off()
     return drawn
+
+
+def show(fig, number, caption):
+    """Put out a figure, a PNG at 150 dpi, and below it its caption as Markdown, ``**Figure 4.2-3.** …``; the figure is closed.
+
+    `number` is chapter and count, ``"4.2-3"``; `caption` says what to see, and is the web book's text for those who do not see the figure.
+
+    Raises
+    ------
+    ValueError
+        For a number or a caption that is no text.
+    """
+    for name, text in (("number", number), ("caption", caption)):
+        if not isinstance(text, str) or not text.strip():
+            raise ValueError(f"{name} is {text!r}, expected text")
+    fig.set_dpi(150)
+    display(fig)
+    display(Markdown(f"**Figure {number}.** {' '.join(caption.split())}"))
+    plt.close(fig)
 
 
 def caption(fig, text):

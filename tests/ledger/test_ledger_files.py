@@ -5,6 +5,7 @@ import os
 import pytest
 
 from trackhelpers.ledger import COLUMNS, VERDICTS, Ledger, compare, files, folded, read_ledger, summary, summary_markdown
+from trackhelpers.ledger.reading import EXTRA_COLUMNS
 
 
 def write(folder, monkeypatch, notebook="2_kalman_filter", ours=1.0, note="", residual=2e-16, ids=("cell", "equation")):
@@ -74,7 +75,7 @@ def test_read_ledger_joins_the_notebooks_in_their_order(folders, monkeypatch):
     write(folders[0], monkeypatch, "4_1_accelerating_source")
     write(folders[0], monkeypatch, "2_kalman_filter")
     ledger = read_ledger(folders[0])
-    assert list(ledger.columns) == ["notebook", *COLUMNS]
+    assert list(ledger.columns) == ["notebook", *COLUMNS, *EXTRA_COLUMNS] and (ledger[EXTRA_COLUMNS] == "").all(axis=None)
     assert ledger["notebook"].tolist() == ["1_thesis/2_kalman_filter"] * 2 + ["1_thesis/4_1_accelerating_source"] * 2
     assert ledger["paper"].tolist() == ["1.0", "", "1.0", ""]
 
@@ -93,12 +94,12 @@ def test_summary_counts_every_row_once(folders, monkeypatch):
     ledger = read_ledger(folders[0])
     counts = summary(ledger)
     assert list(counts.columns) == [*VERDICTS, "total"]
-    assert counts.loc["1_thesis/2_kalman_filter"].tolist() == [1, 0, 1, 0, 0, 0, 2]
+    assert counts.loc["1_thesis/2_kalman_filter"].tolist() == [1, 0, 1, 0, 0, 0, 0, 0, 2]
     assert counts["total"].sum() == len(ledger)
     assert summary_markdown(ledger).splitlines()[2:] == [
-        "| 1_thesis/2_kalman_filter | 1 | 0 | 1 | 0 | 0 | 0 | 2 |",
-        "| 1_thesis/3_motion_models | 2 | 0 | 0 | 0 | 0 | 0 | 2 |",
-        "| all notebooks | 3 | 0 | 1 | 0 | 0 | 0 | 4 |",
+        "| 1_thesis/2_kalman_filter | 1 | 0 | 1 | 0 | 0 | 0 | 0 | 0 | 2 |",
+        "| 1_thesis/3_motion_models | 2 | 0 | 0 | 0 | 0 | 0 | 0 | 0 | 2 |",
+        "| all notebooks | 3 | 0 | 1 | 0 | 0 | 0 | 0 | 0 | 4 |",
     ]
     with pytest.raises(ValueError, match="'excellent'"):
         summary(ledger.assign(verdict="excellent"))

@@ -6,7 +6,7 @@ import pandas as pd
 import pytest
 from hypothesis import given
 
-from trackhelpers.ledger import COLUMNS, KINDS, VERDICTS, Ledger, bears_out, read_ledger, shown
+from trackhelpers.ledger import COLUMNS, KINDS, MARKS, VERDICTS, Ledger, bears_out, read_ledger, shown
 
 WHERE = ("Table 9", "RMSE of x")
 
@@ -252,7 +252,7 @@ def test_bears_out_reads_rows_as_pandas_guesses_them(tmp_path, monkeypatch):
 
 def test_the_vocabulary_is_the_documented_one():
     assert COLUMNS == ["id", "kind", "where", "quantity", "paper", "ours", "low", "high", "tolerance", "verdict", "note"]
-    assert KINDS == ("table", "equation", "figure", "claim") and len(set(VERDICTS)) == 6
+    assert KINDS == ("table", "equation", "figure", "claim") and len(set(VERDICTS)) == 8 and set(MARKS) == set(VERDICTS)
 
 
 @pytest.mark.parametrize(

@@ -1,20 +1,26 @@
-"""What is committed holds together: ledgers bear their verdicts out, notebooks have their form, README is in step."""
+"""What is committed holds together: ledgers bear their verdicts out, notebooks have their form, README, marks and pages of rows are in step."""
 
 import re
 
 import nbformat
 import pytest
 
-from trackhelpers.ledger import bears_out, read_ledger
-from trackhelpers.published import published, tables_of
-from trackhelpers.suite import FIRST_PAGE, NOTEBOOKS, ROOT, notebooks, readme
+from trackhelpers.ledger import bears_out, read_ledger, read_questions, verdict
+from trackhelpers.published import PAPERS, published, tables_of
+from trackhelpers.suite import FIRST_PAGE, NOTEBOOKS, ROOT, notebooks, readme, records, shape
 
 PAGES = notebooks()
 CHAPTERS = [path for path in PAGES if path.name != FIRST_PAGE]
 
 
+QUESTIONS = read_questions()
+
+
 def name(path):
     return path.relative_to(NOTEBOOKS).with_suffix("").as_posix()
+
+
+ANSWERING = [path for path in CHAPTERS if name(path) in QUESTIONS]  # questions may be older than their notebook
 
 
 @pytest.fixture(scope="module")
@@ -27,8 +33,50 @@ def rows_of(ledger, paper):
 
 
 def test_every_row_bears_its_verdict_out(ledger):
-    wrong = [(row.notebook, row.id) for _, row in ledger.iterrows() if not bears_out(row)]
+    wrong = [(row.notebook, row.id) for _, row in ledger[ledger.rule == ""].iterrows() if not bears_out(row)]
     assert not wrong
+
+
+def test_every_question_of_a_notebook_has_its_answer_and_the_verdict_follows(ledger):
+    rows = ledger[ledger.rule != ""]
+    assert set(rows.notebook) <= set(QUESTIONS)
+    for path in ANSWERING:
+        asked = {id: question for id, question in QUESTIONS[name(path)].items() if not question.withdrawn}
+        answers = rows[rows.notebook == name(path)]
+        assert answers.id.tolist() == list(asked), name(path)
+        assert [(row.id, verdict(asked[row.id], row)) for _, row in answers.iterrows()] == list(
+            zip(answers.id, answers.verdict, strict=True)
+        )
+
+
+def test_what_a_published_table_holds_is_looked_up_there():
+    for notebook, asked in QUESTIONS.items():
+        paper = notebook.split("/")[0].partition("_")[2]
+        tables = tables_of(paper) if paper in PAPERS else ()
+        for question in asked.values():
+            number = re.match(r"Table (\d+)", question.where)
+            if question.rule in ("cell", "random cell") and number and int(number[1]) in tables:
+                assert question.source and question.source["table"] == f"{paper} {number[1]}", (notebook, question.id)
+            if question.source:
+                source, _, table = question.source["table"].rpartition(" ")
+                cell = published(source, int(table)).loc[question.source["row"], question.source["column"]]
+                assert question.printed == cell, (notebook, question.id)
+
+
+def test_pages_of_rows_are_in_step_with_the_ledger(ledger):
+    stored = {path.name: path.read_text(encoding="utf-8") for path in (NOTEBOOKS / "results").glob("*.md")}
+    assert stored == records.records(ledger, QUESTIONS), "run python -m trackhelpers.suite readme"
+
+
+@pytest.mark.parametrize("path", PAGES, ids=name)
+def test_marks_are_in_step_with_the_ledger(ledger, path):
+    notebook = nbformat.read(path, as_version=4)
+    assert not records.mark(notebook, records.verdicts_of(ledger, QUESTIONS), name(path)), "run python -m trackhelpers.suite readme"
+
+
+def test_notebooks_that_answer_questions_have_their_form():
+    faults = {name(path): shape.faults(nbformat.read(path, as_version=4)) for path in ANSWERING}
+    assert not {notebook: found for notebook, found in faults.items() if found}
 
 
 def test_every_chapter_has_a_ledger_and_every_ledger_a_chapter(ledger):
@@ -68,7 +116,7 @@ def test_everything_that_the_augmented_bias_paper_numbers_has_a_row(ledger):
     assert where.str.startswith("Table 1, ").sum() >= 2 * (len(published("augmented_bias", 1)) - 1) + 1
 
 
-@pytest.mark.parametrize("path", PAGES, ids=name)
+@pytest.mark.parametrize("path", [path for path in PAGES if path not in ANSWERING], ids=name)
 def test_code_cells_can_be_read_at_a_glance(path):
     sources = [cell.source for cell in nbformat.read(path, as_version=4).cells if cell.cell_type == "code"]
     longest = max(len([line for line in source.splitlines() if line.strip()]) for source in sources)

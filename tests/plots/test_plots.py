@@ -129,3 +129,21 @@ def test_caption_fits_the_figure_and_keeps_formulas_whole(ax):
 def test_unknown_sensors_and_methods_are_refused(ax, call):
     with pytest.raises(ValueError, match="expected"):
         call(ax)
+
+
+def test_show_puts_out_the_figure_at_150_dpi_then_its_caption_and_closes_it(ax, monkeypatch):
+    put_out = []
+    monkeypatch.setattr(plots, "display", lambda item: put_out.append((item, ax.figure.get_dpi())))
+    plots.show(ax.figure, "4.2-3", "The estimate\n   finds the truth.")
+    assert put_out[0] == (ax.figure, 150)
+    assert put_out[1][0].data == "**Figure 4.2-3.** The estimate finds the truth."
+    assert not plt.fignum_exists(ax.figure.number)
+
+
+@pytest.mark.parametrize(
+    ("number", "caption", "words"), [(3, "text", "number is 3"), ("4.2-3", " ", "caption is ' '"), ("", "text", "number")]
+)
+def test_show_refuses_a_figure_without_number_or_caption_and_leaves_it_open(ax, number, caption, words):
+    with pytest.raises(ValueError, match=words):
+        plots.show(ax.figure, number, caption)
+    assert plt.fignum_exists(ax.figure.number)

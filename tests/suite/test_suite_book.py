@@ -1,8 +1,18 @@
 """The web book holds every notebook and opens without network."""
 
+import re
+
+import nbformat
 import pytest
 
-from trackhelpers.suite import book
+from trackhelpers.suite import book, form
+from trackhelpers.suite.run import run
+
+SHOW = """import matplotlib.pyplot as plt
+from trackhelpers import plots
+plots.use_style()
+fig, ax = plt.subplots()
+plots.show(fig, "1-1", "The *error* of $x$ in the [first run](#run), `x < 1`.")"""
 
 
 def test_pages_of_a_book_load_nothing_from_outside(store, tmp_path):
@@ -46,3 +56,41 @@ def test_links_to_follow_and_local_files_are_not_outside(tmp_path):
 def test_a_book_without_its_first_page_is_refused(store):
     with pytest.raises(FileNotFoundError, match=r"00_start_here\.ipynb"):
         book.build(store("1_thesis/1_first.ipynb").parents[1])
+
+
+def test_a_shown_figure_is_one_image_with_its_caption_below_and_as_alt_text(store, tmp_path):
+    start = store("00_start_here.ipynb", title="The map")
+    path = store("1_thesis/1_first.ipynb", SHOW)
+    run([path], lambda p: p, folder=start.parent)
+    first = path.read_bytes()
+    image, caption = nbformat.read(path, as_version=4).cells[1].outputs
+    assert set(image.data) == {"image/png", "text/plain"} and set(caption.data) == {"text/markdown", "text/plain"}
+    assert form.with_palette(image.data["image/png"]) == image.data["image/png"]
+    run([path], lambda p: p, folder=start.parent)
+    assert path.read_bytes() == first
+    text = path.read_text(encoding="utf-8").replace("(#run)", "(00_start_here.ipynb)".replace("00", "../00"))
+    path.write_text(text, encoding="utf-8")
+    page = (book.pages(start.parent, tmp_path / "book").parent / "1_thesis/1_first.html").read_text(encoding="utf-8")
+    (alt,) = re.findall(r'<img alt="([^"]*)" src="[^"]*_images/', page)
+    assert alt == "Figure 1-1. The error of x in the first run, x &lt; 1."
+    assert "<strong>Figure 1-1.</strong> The <em>error</em> of" in page
+
+
+def test_folded_bookkeeping_has_a_prompt_of_its_own(store, tmp_path):
+    start = store("00_start_here.ipynb", title="The map")
+    path = store("1_thesis/1_first.ipynb", "1 + 1", "2 + 2")
+    notebook = nbformat.read(path, as_version=4)
+    for cell, tag in zip(notebook.cells[1:], ("hide-input", "hide-cell"), strict=True):
+        cell.metadata = nbformat.from_dict({"tags": [tag], "jupyter": {"source_hidden": True}})
+    nbformat.write(notebook, path)
+    page = (book.pages(start.parent, tmp_path / "book").parent / "1_thesis/1_first.html").read_text(encoding="utf-8")
+    assert re.findall(r'<p class="collapsed[^>]*>(.*?)</p>', page) == ["Show the solution", "Bookkeeping"]
+    assert "mystnb" not in path.read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize(
+    ("caption", "read"),
+    [("**Figure 1.** A $x_k$ *and* `y`", "Figure 1. A x_k and y"), ("a * b [c](d.md#e) x_1_2", "a * b c x_1_2"), ("2*3 **b**", "2*3 b")],
+)
+def test_alt_text_is_the_caption_without_its_markup(caption, read):
+    assert book.plain(caption) == read

@@ -1,19 +1,30 @@
-"""The ledger: what each notebook found of its paper, a row for every cell, equation, figure and claim."""
+"""The ledger: what is asked of each paper and what each notebook found, a row for every cell, equation, figure and claim."""
 
-from .files import COLUMNS, KINDS, VERDICTS, compare, read_ledger, summary, summary_markdown
+from .answers import Ledger
+from .files import COLUMNS, KINDS, VERDICTS, compare, summary, summary_markdown
+from .numbers import shown
 from .page import folded
-from .rows import Ledger, bears_out, shown
+from .questions import Question, questions_of, read_questions
+from .reading import read_ledger
+from .rows import bears_out
+from .verdicts import MARKS, Found, verdict
 
 __all__ = [
     "COLUMNS",
     "KINDS",
+    "MARKS",
     "VERDICTS",
+    "Found",
     "Ledger",
+    "Question",
     "bears_out",
     "compare",
     "folded",
+    "questions_of",
     "read_ledger",
+    "read_questions",
     "shown",
     "summary",
     "summary_markdown",
+    "verdict",
 ]

@@ -1,4 +1,4 @@
-"""The ledger's files: where they lie, how they are written, read, counted and compared."""
+"""The ledger's files: where they lie, how they are written, counted and compared."""
 
 import os
 import tempfile
@@ -7,12 +7,13 @@ from pathlib import Path
 import pandas as pd
 
 __all__ = [
+    "ANSWER_COLUMNS",
     "COLUMNS",
     "KINDS",
     "VERDICTS",
     "committed_folder",
     "compare",
-    "read_ledger",
+    "read_csv",
     "results_folder",
     "summary",
     "summary_markdown",
@@ -20,12 +21,15 @@ __all__ = [
 ]
 
 COLUMNS = ["id", "kind", "where", "quantity", "paper", "ours", "low", "high", "tolerance", "verdict", "note"]
+ANSWER_COLUMNS = ["id", "ours", "low", "high", "verdict", "note"]  # of a notebook with a file of questions, which holds the rest
 KINDS = ("table", "equation", "figure", "claim")
 VERDICTS = (
     "reproduced",
     "reproduced under an assumption",
     "not reproduced",
     "paper in error",
+    "misprint",
+    "undecided",
     "not checkable",
     "beyond the paper",
 )
@@ -69,33 +73,12 @@ def write_csv(frame, path):
         raise
 
 
-def _read_csv(path):
+def read_csv(path):
+    """Return a file of a ledger as text: rows in full (`COLUMNS`), or answers to questions (`ANSWER_COLUMNS`)."""
     frame = pd.read_csv(path, dtype=str, keep_default_na=False, encoding="utf-8")
-    if list(frame.columns) != COLUMNS:
-        raise ValueError(f"{path.name} has the columns {list(frame.columns)}, expected {COLUMNS}")
+    if list(frame.columns) not in (COLUMNS, ANSWER_COLUMNS):
+        raise ValueError(f"{path.name} has the columns {list(frame.columns)}, expected {COLUMNS} or {ANSWER_COLUMNS}")
     return frame
-
-
-def read_ledger(folder=None):
-    """Return all rows of a folder of ledger files, the committed one by default, as text and as stored.
-
-    The column ``notebook`` comes first: ``1_thesis/2_kalman_filter``. The rows are in the order of the notebooks.
-
-    Raises
-    ------
-    ValueError
-        When the folder holds no ledger, or a file in it has other columns.
-    """
-    folder = committed_folder() if folder is None else Path(folder)
-    paths = sorted(folder.glob("*__*.csv"))
-    if not paths:
-        raise ValueError(f"folder {folder} holds no ledger file, expected <paper>__<notebook>.csv")
-    frames = []
-    for path in paths:
-        frame = _read_csv(path)
-        frame.insert(0, "notebook", path.stem.replace("__", "/", 1))
-        frames.append(frame)
-    return pd.concat(frames, ignore_index=True)
 
 
 def summary(ledger):
@@ -140,13 +123,16 @@ def compare(folder_a, folder_b, exclude=(), rtol=2e-5, atol=1e-9):
             if notebook not in exclude:
                 differences.append(f"{notebook}: missing in {missing[0]}")
             continue
-        a, b = (_read_csv(found[name]).set_index("id", drop=False) for found in files)
+        a, b = (read_csv(found[name]).set_index("id", drop=False) for found in files)
+        if list(a.columns) != list(b.columns):
+            differences.append(f"{notebook}: one answers questions, the other does not")
+            continue
         if list(a.index) != list(b.index):
             only = [f"{sorted(set(x.index) - set(y.index))} only in {folder}" for x, y, folder in ((a, b, folder_a), (b, a, folder_b))]
             differences.append(f"{notebook}: rows differ: {', '.join(only)}, or their order")
             continue
         for id in a.index:
-            for column in COLUMNS:
+            for column in a.columns:
                 one, other = a.at[id, column], b.at[id, column]
                 if not _same(one, other, column in NUMBERS, rtol, atol):
                     differences.append(f"{notebook}: {id}: {column}: {one!r} against {other!r}")

@@ -2,7 +2,7 @@
 
 from html import escape
 
-from .rows import short, shown
+from .numbers import short, shown
 
 __all__ = ["folded"]
 

@@ -7,35 +7,12 @@ import numpy as np
 import pandas as pd
 
 from ..published import last_digit
-from ..tables import Table, number
+from ..tables import Table
 from .files import COLUMNS, KINDS, VERDICTS, results_folder, write_csv
+from .numbers import checked_draws, enough_digits, finite, percentile_note, short, shown
+from .rules import EQUATION_TOLERANCE, agrees, conditions, holds
 
-__all__ = ["Ledger", "bears_out"]
-
-EQUATION_TOLERANCE = 1e-9
-ROUNDING = 1e-9  # relative: two floats that differ by less are one number
-FEWEST_DRAWS = 40  # below, a central 95 % interval has no run outside on either side
-
-_NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
-_ONE_SIDED = re.compile(rf"\s*(<=|>=|<|>|==)\s*({_NUMBER})\s*")
-_SMALL_BOUND = re.compile(r"[<>]=?\s*\d(?:\.\d*)?e-(?:0?[6-9]|1\d)")  # of a rule for what ought to vanish
-_BETWEEN = re.compile(rf"\s*in\s*([\[(])\s*({_NUMBER})\s*,\s*({_NUMBER})\s*([\])])\s*")
-
-
-def _conditions(text):
-    """Return an inequality as a list of (relation, bound), all of which must hold, or None when `text` is none."""
-    if match := _ONE_SIDED.fullmatch(text):
-        return [(match[1], float(match[2]))]
-    if match := _BETWEEN.fullmatch(text):
-        return [(">=" if match[1] == "[" else ">", float(match[2])), ("<=" if match[4] == "]" else "<", float(match[3]))]
-    return None
-
-
-def _holds(value, relation, bound):
-    if relation in ("<", ">"):
-        return value < bound if relation == "<" else value > bound
-    slack = ROUNDING * abs(bound)
-    return (relation == ">=" or value <= bound + slack) and (relation == "<=" or value >= bound - slack)
+__all__ = ["Rows", "bears_out"]
 
 
 def _satisfied(row):
@@ -44,12 +21,12 @@ def _satisfied(row):
     ends = [float(row[name]) for name in ("low", "high") if row[name]]
     if row["kind"] == "equation" and not row["paper"]:
         return 0.0 <= ours <= float(row["tolerance"])
-    conditions = _conditions(row["paper"])
-    if conditions is not None:
-        return all(_holds(value, *condition) for value in ends or [ours] for condition in conditions)
+    bounds = conditions(row["paper"])
+    if bounds is not None:
+        return all(holds(value, *condition) for value in ends or [ours] for condition in bounds)
     paper = float(row["paper"].replace("−", "-"))
     if row["tolerance"]:
-        return abs(ours - paper) <= float(row["tolerance"]) + ROUNDING * abs(paper)
+        return agrees(ours, paper, float(row["tolerance"]))
     low, high = ends
     return low <= paper <= high
 
@@ -85,8 +62,8 @@ def bears_out(row):
     }[verdict]
 
 
-class Ledger:
-    """What one notebook found, row by row.
+class Rows:
+    """What one notebook found, row by row: a ledger without a file of questions.
 
     Each method adds a row and returns its verdict. The keywords that they share:
 
@@ -114,7 +91,7 @@ class Ledger:
         """Add a deterministic cell of a table: reproduced when `ours` agrees with the printed string `paper` within `tolerance`, half a
         unit of its last digit unless given."""
         half_unit = last_digit(paper)  # raises for what is not a printed number
-        tolerance = half_unit if tolerance is None else _finite(id, "tolerance", tolerance)
+        tolerance = half_unit if tolerance is None else finite(id, "tolerance", tolerance)
         if tolerance <= 0:
             raise ValueError(f"tolerance of row {id!r} is {tolerance!r}, expected a positive number")
         return self._judge("table", id, where, quantity, paper, {"ours": ours, "tolerance": tolerance}, assumption, erratum, note)
@@ -122,23 +99,18 @@ class Ledger:
     def random_cell(self, id, where, quantity, paper, draws, *, assumption="", erratum="", note=""):
         """Add a cell that depends on a noise draw: reproduced when the printed value lies in the central 95 % of `draws` (M,), one value
         a run, M ≥ 40. `ours` is the median; the note gives the percentile of the printed value."""
-        draws = np.asarray(draws, dtype=float)
-        if draws.ndim != 1 or draws.size < FEWEST_DRAWS:
-            raise ValueError(f"draws of row {id!r} has the shape {draws.shape}, expected ({FEWEST_DRAWS} or more,)")
-        if not np.isfinite(draws).all():
-            raise ValueError(f"draws of row {id!r} has {np.count_nonzero(~np.isfinite(draws))} NaN or infinite entries, expected none")
+        draws = checked_draws(id, draws)
         last_digit(paper)  # raises for what is not a printed number
         value = float(paper.replace("−", "-"))
         low, ours, high = np.quantile(draws, [0.025, 0.5, 0.975])
-        percentile = 50.0 * (np.mean(draws < value) + np.mean(draws <= value))
-        note = "; ".join(filter(None, [f"the printed value is at percentile {percentile:.1f} of {draws.size} runs", note]))
+        note = "; ".join(filter(None, [percentile_note(draws, value), note]))
         return self._judge("table", id, where, quantity, paper, {"ours": ours, "low": low, "high": high}, assumption, erratum, note)
 
     def equation(self, id, where, quantity, residual, *, assumption="", erratum="", note=""):
         """Add an equation: reproduced when `residual`, the largest difference between the printed form and an independent derivation
         at 20 random points or more, is at most 1e-9."""
         numbers = {"ours": residual, "tolerance": EQUATION_TOLERANCE}
-        if _finite(id, "residual", residual) < 0:
+        if finite(id, "residual", residual) < 0:
             raise ValueError(f"residual of row {id!r} is {residual!r}, expected a number ≥ 0")
         return self._judge("equation", id, where, quantity, "", numbers, assumption, erratum, note, digits=1)
 
@@ -183,7 +155,7 @@ class Ledger:
         return Table(table, caption=f"Ledger of {self.paper}/{self.notebook}", index=False)
 
     def _inequality(self, kind, id, where, quantity, paper, ours, low, high, assumption, erratum, note):
-        if not isinstance(paper, str) or _conditions(paper) is None:
+        if not isinstance(paper, str) or conditions(paper) is None:
             raise ValueError(f"paper of row {id!r} is {paper!r}, expected an inequality such as '> 0', '<= 1', '== 6' or 'in [0, 1]'")
         return self._judge(kind, id, where, quantity, paper, self._numbers(id, ours, low, high), assumption, erratum, note)
 
@@ -192,7 +164,7 @@ class Ledger:
         if (low is None) != (high is None):
             raise ValueError(f"low, high of row {id!r} are {low!r}, {high!r}, expected both or neither")
         numbers = {"ours": ours} | ({} if low is None else {"low": low, "high": high})
-        numbers = {name: _finite(id, name, value) for name, value in numbers.items()}
+        numbers = {name: finite(id, name, value) for name, value in numbers.items()}
         if low is not None and low > high:
             raise ValueError(f"low, high of row {id!r} are {low!r}, {high!r}, expected low ≤ high")
         return numbers
@@ -200,16 +172,13 @@ class Ledger:
     def _judge(self, kind, id, where, quantity, paper, numbers, assumption, erratum, note, digits=6):
         if assumption and erratum:
             raise ValueError(f"row {id!r} has an assumption and an erratum, expected at most one of them")
-        numbers = {name: _finite(id, name, value) for name, value in numbers.items()}
+        numbers = {name: finite(id, name, value) for name, value in numbers.items()}
         tolerance = {"tolerance": f"{numbers.pop('tolerance'):.6g}" if "tolerance" in numbers else ""}
         exact = {"kind": kind, "paper": paper, "low": "", "high": ""} | tolerance
         exact |= {name: repr(value) for name, value in numbers.items()}
         satisfied = _satisfied(exact)
         # The verdict must follow from what is stored: add digits until it does.
-        for count in range(digits, 18):
-            stored = tolerance | {name: f"{value:.{count}g}" for name, value in numbers.items()}
-            if _satisfied(exact | stored) == satisfied:
-                break
+        stored = tolerance | enough_digits(numbers, lambda text: _satisfied(exact | text) == satisfied, digits)
         if satisfied and erratum:
             raise ValueError(f"row {id!r} has the erratum {erratum!r}, but its numbers bear the paper out: {exact}")
         verdict = ("reproduced under an assumption" if assumption else "reproduced") if satisfied else "not reproduced"
@@ -229,27 +198,3 @@ class Ledger:
         texts = {"id": id, "kind": kind, "where": where, "quantity": quantity, "paper": paper, "verdict": verdict, "note": note}
         self.rows.append(dict.fromkeys(COLUMNS, "") | texts | numbers)
         return verdict
-
-
-def shown(row):
-    """The number of a row with four digits. Of what is only rounding the digits differ from one processor to the next, and even whether there are any: where a residual is
-    judged it is "< 1e-9", elsewhere 0."""
-    residual = row["kind"] == "equation" or _SMALL_BOUND.search(row["paper"])
-    return short(row["ours"], "< 1e-9" if residual else "0")
-
-
-def short(text, tiny="0"):
-    """A stored number with four digits, `tiny` for one below 1e-9, nothing for an empty cell."""
-    if not text:
-        return ""
-    return tiny if abs(float(text)) < 1e-9 else number(float(text), trim=True)
-
-
-def _finite(id, name, value):
-    try:
-        number = float(value) + 0.0  # minus zero becomes zero
-    except (TypeError, ValueError):
-        number = math.nan
-    if not math.isfinite(number):
-        raise ValueError(f"{name} of row {id!r} is {value!r}, expected one finite number")
-    return number

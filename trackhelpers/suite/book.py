@@ -53,6 +53,10 @@ def pages(executed, out):
     """Build the pages of the notebooks below `executed` into ``out/html`` and return the path of the first one."""
     source, html = out / "source", out / "html"
     shutil.copytree(executed, source)
+    for path in notebooks(source):
+        form.write(for_the_book(nbformat.read(path, as_version=4)), path)
+    for path in (source / "results").glob("*.md"):
+        path.write_text(page_of_rows(path.read_text(encoding="utf-8")), encoding="utf-8")
     first = nbformat.read(source / FIRST_PAGE, as_version=4)
     first.cells.append(nbformat.v4.new_markdown_cell(contents(source), id="table-of-contents"))
     form.write(first, source / FIRST_PAGE)
@@ -66,6 +70,33 @@ def pages(executed, out):
     index = html / "index.html"
     index.write_text(f'<!DOCTYPE html><meta charset="utf-8"><meta http-equiv="refresh" content="0; url={start}">\n', encoding="utf-8")
     return index
+
+
+def for_the_book(notebook):
+    """Give what is folded away its prompt and each figure its caption as alt text, in place, and return the notebook."""
+    for cell in notebook.cells:
+        options = {}
+        if "hide-cell" in cell.metadata.get("tags", []):
+            options |= {"code_prompt_show": "Bookkeeping", "code_prompt_hide": "Bookkeeping"}
+        captions = [output.data.get("text/markdown", "") for output in cell.get("outputs", []) if "data" in output]
+        captions = [plain(text) for text in captions if text.startswith("**Figure ")]
+        if captions:
+            options["image"] = {"alt": " ".join(captions)}
+        if options:
+            cell.metadata["mystnb"] = options
+    return notebook
+
+
+def plain(markdown):
+    """Return a caption as it would be read aloud: no marks of emphasis, code or formulas, of a link its text."""
+    text = re.sub(r"\[([^\]]*)\]\([^)]*\)", r"\1", markdown)
+    text = re.sub(r"\*\*|[`$]", "", text)
+    return " ".join(re.sub(r"\*(\S(?:[^*]*\S)?)\*", r"\1", text).split())
+
+
+def page_of_rows(text):
+    """Return a notebook's page of rows for the book, which reaches it by links alone; its headings are anchors there."""
+    return "---\norphan: true\n---\n\n" + re.sub(r'<a id="[^"]*"></a>\n\n', "", text)
 
 
 def contents(source):

@@ -1,0 +1,62 @@
+"""The form of a notebook that answers questions: what breaks it is named."""
+
+import nbformat
+import pytest
+
+from trackhelpers.suite import shape
+
+v4 = nbformat.v4
+FOLDED = {"tags": ["hide-cell"], "jupyter": {"source_hidden": True}}
+ANSWER = "ledger.answer({'a': 1.0})"
+LONG = "\n".join("x = 1" for _ in range(16))
+
+
+def notebook(*cells):
+    """A notebook that keeps to the form, with `cells` in its middle: text of code, or (text, metadata)."""
+    made = [v4.new_markdown_cell("# Title\n\n## First"), v4.new_code_cell("ledger = Ledger('a', 'b')\nledger.questions")]
+    for cell in cells:
+        source, metadata = (cell, {}) if isinstance(cell, str) else cell
+        made.append(v4.new_markdown_cell(source) if source.startswith("## ") else v4.new_code_cell(source, metadata=metadata))
+    return v4.new_notebook(cells=[*made, v4.new_code_cell("ledger.write()")])
+
+
+@pytest.mark.parametrize(
+    "cells",
+    [
+        [],
+        [(ANSWER, FOLDED)],
+        [(ANSWER, FOLDED), "## Second", (ANSWER, FOLDED)],
+        [(LONG, {"tags": ["hide-input"]})],
+        [LONG + "\nplots.show(fig, '1-1', 'x')"],
+        ["# your code here", "# your code here"],
+        ["def f(x):\n    y = x + 1\n    return y", "%timeit f(1)", "my.ledger.answer"],
+        ["x" * 82],
+    ],
+)
+def test_a_notebook_in_its_form_has_no_faults(cells):
+    assert shape.faults(notebook(*cells)) == []
+
+
+@pytest.mark.parametrize(
+    ("cells", "words"),
+    [
+        ([LONG, "a", "b"], "16 statements"),
+        (["def f(x):\n" + "    x = 1\n" * 15], "16 statements"),
+        ([";".join(["x"] * 7)] * 9, "median of the open cells is 7"),
+        (["x" * 83], "83 characters"),
+        ([("x" * 83, FOLDED)], "83 characters"),
+        ([ANSWER], "expected it folded"),
+        ([(ANSWER, {"tags": ["hide-cell"]})], "expected it folded"),
+        ([(ANSWER, {"tags": ["hide-input"], "jupyter": {"source_hidden": True}})], "expected it folded"),
+        ([(ANSWER, FOLDED), (ANSWER, FOLDED)], "section 'First' has a second"),
+        (["plots.show(a, '1', 'x')\nplots.show(b, '2', 'x')"], "2 figures"),
+        (["## " + "word " * 3801], "words"),
+    ],
+)
+def test_what_breaks_the_form_is_named(cells, words):
+    assert any(words in fault for fault in shape.faults(notebook(*cells)))
+
+
+def test_words_are_those_of_the_prose():
+    text = "Two words $x + y$ and\n\n| a | table |\n| --- | --- |\n\n$$a = b$$\n\n```python\ncode = 1\n```\n[a link](../other/page.md) isn't <br> counted"
+    assert shape.words(v4.new_notebook(cells=[v4.new_markdown_cell(text)])) == 7

@@ -1,0 +1,67 @@
+"""What the form of a notebook that answers questions asks for, as numbers: short open cells, bookkeeping out of sight, a length that can be read at one sitting."""
+
+import ast
+import re
+from statistics import median
+
+from IPython.core.inputtransformer2 import TransformerManager
+
+__all__ = ["faults", "statements", "words"]
+
+MOST_STATEMENTS, MEDIAN_STATEMENTS, LINE, MOST_WORDS = 15, 6, 82, 3800
+
+_LEDGER = re.compile(r"(?<![\w.])ledger\.")
+_NOT_WORDS = re.compile(r"```.*?```|\$\$.*?\$\$|\$[^$\n]+\$|^\s*\|.*\|\s*$|<[^>]+>|\]\([^)]*\)", re.DOTALL | re.MULTILINE)
+
+
+def statements(source):
+    """Return the number of statements of a code cell, those inside functions and loops counted too."""
+    tree = ast.parse(TransformerManager().transform_cell(source))
+    return sum(isinstance(node, ast.stmt) for node in ast.walk(tree))
+
+
+def words(notebook):
+    """Return the number of words of a notebook's text, without formulas, code, tables and the addresses of links."""
+    text = "\n\n".join(cell.source for cell in notebook.cells if cell.cell_type == "markdown")
+    return len(re.findall(r"\w[\w'’-]*", _NOT_WORDS.sub(" ", text)))
+
+
+def faults(notebook):
+    """Return what keeps a notebook from its form, a line of text each.
+
+    Open code cells have at most 15 statements, figures (`plots.show`) excepted, and 6 in the median; lines have at most 82 characters; a cell shows at most one figure; the ledger is
+    spoken to in the first code cell, the last one, and at most one folded cell a section (tag ``hide-cell``, ``jupyter.source_hidden``); the text has at most 3800 words.
+    """
+    found, counts, sections = [], [], []
+    code = [cell for cell in notebook.cells if cell.cell_type == "code"]
+    section = "before the first section"
+    for cell in notebook.cells:
+        if cell.cell_type == "markdown":
+            section = (re.findall(r"^## +(.*)", cell.source, flags=re.MULTILINE) or [section])[-1]
+            continue
+        if cell.cell_type != "code":
+            continue
+        tags = cell.metadata.get("tags", [])
+        folded = {"hide-cell", "hide-input"} & set(tags)
+        figures, count = cell.source.count("plots.show("), statements(cell.source)
+        wide = max((len(line) for line in cell.source.splitlines()), default=0)
+        if wide > LINE:
+            found.append(f"cell {cell.id} has a line of {wide} characters, expected at most {LINE}")
+        if figures > 1:
+            found.append(f"cell {cell.id} shows {figures} figures, expected one a cell")
+        if not folded and not figures and count:  # a cell that is a comment waits for the reader
+            counts.append(count)
+            if count > MOST_STATEMENTS:
+                found.append(f"cell {cell.id} has {count} statements, expected at most {MOST_STATEMENTS}")
+        if not _LEDGER.search(cell.source) or cell is code[0] or cell is code[-1]:
+            continue
+        if "hide-cell" not in tags or not cell.metadata.get("jupyter", {}).get("source_hidden"):
+            found.append(f"cell {cell.id} speaks to the ledger, expected it folded: tag hide-cell, jupyter.source_hidden")
+        if section in sections:
+            found.append(f"section {section!r} has a second cell of bookkeeping ({cell.id}), expected at most one")
+        sections.append(section)
+    if counts and median(counts) > MEDIAN_STATEMENTS:
+        found.append(f"the median of the open cells is {median(counts)} statements, expected at most {MEDIAN_STATEMENTS}")
+    if words(notebook) > MOST_WORDS:
+        found.append(f"the text has {words(notebook)} words, expected at most {MOST_WORDS}")
+    return found
