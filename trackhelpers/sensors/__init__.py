@@ -6,5 +6,6 @@ A sensor learns the layout of the state from the names of the model, ``Radar(sig
 from trackhelpers.sensors.base import CTRV_STATE, Sensor
 from trackhelpers.sensors.linear import Lidar, LinearSensor, Position
 from trackhelpers.sensors.polar import Radar, RangeBearing
+from trackhelpers.sensors.tdoa import TDOA, range_differences
 
-__all__ = ["CTRV_STATE", "Lidar", "LinearSensor", "Position", "Radar", "RangeBearing", "Sensor"]
+__all__ = ["CTRV_STATE", "Lidar", "LinearSensor", "Position", "Radar", "RangeBearing", "Sensor", "TDOA", "range_differences"]
