@@ -8,4 +8,4 @@ from trackhelpers.sensors.linear import Lidar, LinearSensor, Position
 from trackhelpers.sensors.polar import Radar, RangeBearing
 from trackhelpers.sensors.tdoa import TDOA, range_differences
 
-__all__ = ["CTRV_STATE", "Lidar", "LinearSensor", "Position", "Radar", "RangeBearing", "Sensor", "TDOA", "range_differences"]
+__all__ = ["CTRV_STATE", "TDOA", "Lidar", "LinearSensor", "Position", "Radar", "RangeBearing", "Sensor", "range_differences"]
