@@ -66,7 +66,7 @@ class Formation:
         Inclination, right ascension of the ascending node and argument of latitude of the mean orbits at t = 300 s, rad; the orbits are circles.
     """
 
-    def __init__(self, offsets=((-100e3, 0.0), (-50e3, 50e3 * np.sqrt(3)))):
+    def __init__(self, offsets):
         along, across = np.array([(0.0, 0.0), *offsets]).T / AXIS
         i, u = INCLINATION, LATITUDE_ARGUMENT
         node = -across * np.cos(u) / np.sin(i)
@@ -173,7 +173,7 @@ def measurements(position, satellites, R, rngs):
     return clean + np.tensordot(root, noise, 1)
 
 
-def availability(scenario, rngs, N=len(TIMES)):
+def availability(scenario, rngs, N=600):
     """Which differences there are, in exact counts that are permuted in each run.
 
     Parameters

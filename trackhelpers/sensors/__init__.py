@@ -6,6 +6,17 @@ A sensor learns the layout of the state from the names of the model, ``Radar(sig
 from trackhelpers.sensors.base import CTRV_STATE, Sensor
 from trackhelpers.sensors.linear import Lidar, LinearSensor, Position
 from trackhelpers.sensors.polar import Radar, RangeBearing
-from trackhelpers.sensors.tdoa import TDOA, range_differences
+from trackhelpers.sensors.tdoa import TDOA, difference_gradients, range_differences
 
-__all__ = ["CTRV_STATE", "TDOA", "Lidar", "LinearSensor", "Position", "Radar", "RangeBearing", "Sensor", "range_differences"]
+__all__ = [
+    "CTRV_STATE",
+    "TDOA",
+    "Lidar",
+    "LinearSensor",
+    "Position",
+    "Radar",
+    "RangeBearing",
+    "Sensor",
+    "difference_gradients",
+    "range_differences",
+]

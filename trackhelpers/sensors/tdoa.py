@@ -25,15 +25,17 @@ def range_differences(position, satellites):
     -------
     numpy.ndarray, shape (S − 1, ...)
     """
-    p, s = check_array(position, "position", 3), check_stations(satellites, "satellites")
-    first, rows = s[:, 0], []
-    u = [pk - sk for pk, sk in zip(p, first, strict=True)]
-    r0 = np.sqrt(u[0] * u[0] + u[1] * u[1] + u[2] * u[2])
-    for i in range(1, s.shape[1]):
-        b = first - s[:, i]
-        c = _excess(u, b, b[0] * b[0] + b[1] * b[1] + b[2] * b[2])
-        rows.append(c / (np.sqrt(r0 * r0 + c) + r0))
-    return np.stack(rows)
+    _, _, rows = _rows(position, satellites)
+    return np.stack([d for _, _, d in rows])
+
+
+def difference_gradients(position, satellites):
+    """The gradient of the range differences by the emitter's position, û_i − û_0: shape (S − 1, 3, ...); arguments as for `range_differences`.
+
+    With û the unit vectors from the satellites to the emitter it is (b − d_i û_0)/r_i, without cancellation.
+    """
+    u, r0, rows = _rows(position, satellites)
+    return np.stack([np.stack([(bk - d / r0 * uk) / r for bk, uk in zip(b, u, strict=True)]) for b, r, d in rows])
 
 
 class StationDifferences(Sensor):
@@ -172,6 +174,19 @@ def check_stations(value, name):
     if s.ndim < 2 or s.shape[0] not in (2, 3) or s.shape[1] < 2 or not np.isfinite(s).all():
         raise ValueError(f"{name}: expected finite positions of shape (3, S), S ≥ 2, got shape {s.shape}")
     return s if len(s) == 3 else np.concatenate([s, np.zeros_like(s[:1])])
+
+
+def _rows(position, satellites):
+    """The emitter from s_0, its range, and for each further satellite b = s_0 − s_i, r_i and d_i."""
+    p, s = check_array(position, "position", 3), check_stations(satellites, "satellites")
+    u = [pk - sk for pk, sk in zip(p, s[:, 0], strict=True)]
+    r0, rows = np.sqrt(u[0] * u[0] + u[1] * u[1] + u[2] * u[2]), []
+    for i in range(1, s.shape[1]):
+        b = s[:, 0] - s[:, i]
+        c = _excess(u, b, b[0] * b[0] + b[1] * b[1] + b[2] * b[2])
+        r = np.sqrt(r0 * r0 + c)
+        rows.append((b, r, c / (r + r0)))
+    return u, r0, rows
 
 
 def _excess(u, b, bb):
