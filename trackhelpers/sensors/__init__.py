@@ -4,6 +4,7 @@ A sensor learns the layout of the state from the names of the model, ``Radar(sig
 """
 
 from trackhelpers.sensors.base import CTRV_STATE, Sensor
+from trackhelpers.sensors.fdoa import FDOA
 from trackhelpers.sensors.linear import Lidar, LinearSensor, Position
 from trackhelpers.sensors.polar import Radar, RangeBearing
 from trackhelpers.sensors.tdoa import TDOA, difference_gradients, range_differences

@@ -118,7 +118,7 @@ class StationDifferences(Sensor):
         """Coordinates q, and from s_0 the emitter's direction, its range r_0, and for each row that is taken (i, s_0 − s_i, r_i, d_i)."""
         if self._stations is None:
             raise ValueError(f"{type(self).__name__}: the satellites move: ask for the sensor of an instant, .at(t)")
-        first, baselines = self._stations
+        first, baselines = self._stations[:2]
         q = np.stack([x[i] for i in self._place])
         p = self.chart.position(q)
         single = x.ndim == 1
