@@ -80,12 +80,10 @@ def candidates(d, satellites, seen=True):
         p, r = curve.to_local_radius(r, where)
         signed = (r > 0) & np.all(r + curve.d[:, where] > 0, axis=0) & np.isfinite(p).all(axis=0)
         p, where, column = p[:, signed], where[signed], curve.column[signed]
-        if seen:
-            visible = _seen(p, curve.s[..., where])
-            p, where, column = p[:, visible], where[visible], column[visible]
         p = _polished(p, curve.d[:, where], curve.s[..., where])
+        kept = _seen(p, curve.s[..., where]) if seen else np.isfinite(p[0])
     points = np.full((3, 4, curve.d.shape[1]), np.nan)
-    points[:, column, where] = p
+    points[:, column[kept], where[kept]] = p[:, kept]
     return points.reshape(3, 4, *shape)
 
 
@@ -153,7 +151,7 @@ class _Curve:
         """Points (3, J) and their r with R of each point, by Newton's iteration on |p(r)|² = R²."""
         P0, P1, P2, normal = (part[:, where] for part in (self.P0, self.P1, self.P2, self.normal))
         R = _radius(self.s[:, 0, where])
-        for _ in range(2):  # the radius changes by 0.3 % of a way at most, so each takes off two digits or more
+        for _ in range(3):  # the radius changes by 0.3 % of a way at most, so each takes off two digits or more
             p = P0 + 0.5 * R**2 * normal + (P1 + P2 * r) * r
             R = _radius(p)
             p = P0 + 0.5 * R**2 * normal + (P1 + P2 * r) * r
@@ -197,15 +195,16 @@ def _seen(p, s):
 
 
 def _polished(p, d, s):
-    """Newton's iteration for p (3, J) on d_1, d_2 and the ellipsoid."""
-    for _ in range(3):
+    """Newton's iteration for p (3, J) on d_1, d_2 and the ellipsoid; NaN where it does not end there (two roots that nearly meet at the horizon)."""
+    for _ in range(4):
         g1, g2 = difference_gradients(p, s)
         normal = p / _column(_AXES**2, p)
         e1, e2 = d - range_differences(p, s)
         e3 = 0.5 * (1 - _dot(p, normal))
         c1, c2, c3 = _cross(g2, normal), _cross(normal, g1), _cross(g1, g2)
-        p = p + (e1 * c1 + e2 * c2 + e3 * c3) / _dot(g1, c1)
-    return p
+        step = (e1 * c1 + e2 * c2 + e3 * c3) / _dot(g1, c1)
+        p = p + step
+    return np.where(_dot(step, step) < 1e-6, p, np.nan)
 
 
 def _dot(a, b):

@@ -11,6 +11,7 @@ from trackhelpers.sensors.tdoa import TDOA, difference_gradients, range_differen
 
 __all__ = [
     "CTRV_STATE",
+    "FDOA",
     "TDOA",
     "Lidar",
     "LinearSensor",
