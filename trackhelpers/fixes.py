@@ -14,6 +14,7 @@ from trackhelpers.sensors.tdoa import check_stations, difference_gradients, rang
 _AXES = np.array([Ellipsoid.a, Ellipsoid.a, Ellipsoid.b])
 _UNIT = 1e6  # m, of the ranges in the quartic
 _FLAT = 1e-5  # the least volume that S0's radius and the baselines span, as a share of a box's
+_BLOCK = 2048  # problems at a time, which fit into the processor's cache
 _QUIET = {"over": "ignore", "invalid": "ignore", "divide": "ignore"}
 
 
@@ -38,7 +39,11 @@ def fix(d, satellites, near=None):
     ------
     ValueError
         A formation that lies in a plane with the Earth's centre (a collinear one, a string along one orbit), from which left and right look the same. For one epoch
-        also a difference that is not shorter than its baseline, no point at all, none over the horizon of all satellites, several.
+        also a difference that is not shorter than its baseline, no point that all satellites see, several of them.
+
+    Notes
+    -----
+    Of an emitter below the horizon the differences may have another point that is seen: nothing tells that from d alone.
     """
     d, s = _arguments(d, satellites)
     found = candidates(d, s)
@@ -74,17 +79,26 @@ def candidates(d, satellites, seen=True):
     """
     d, s = _arguments(d, satellites)
     shape = np.broadcast_shapes(d.shape[1:], s.shape[2:])
+    s = np.broadcast_to(s.reshape(3, 3, *[1] * (len(shape) + 2 - s.ndim), *s.shape[2:]), (3, 3, *shape)).reshape(3, 3, -1)
+    d = np.broadcast_to(d.reshape(2, *[1] * (len(shape) + 1 - d.ndim), *d.shape[1:]), (2, *shape)).reshape(2, -1)
+    points = np.full((3, 4, d.shape[1]), np.nan)
     with np.errstate(**_QUIET):
-        curve = _Curve(np.broadcast_to(d, (2, *shape)), s, shape)
-        r, where = curve.roots()
-        p, r = curve.to_local_radius(r, where)
-        signed = (r > 0) & np.all(r + curve.d[:, where] > 0, axis=0) & np.isfinite(p).all(axis=0)
-        p, where, column = p[:, signed], where[signed], curve.column[signed]
-        p = _polished(p, curve.d[:, where], curve.s[..., where])
-        kept = _seen(p, curve.s[..., where]) if seen else np.isfinite(p[0])
-    points = np.full((3, 4, curve.d.shape[1]), np.nan)
-    points[:, column[kept], where[kept]] = p[:, kept]
+        for first in range(0, d.shape[1], _BLOCK):
+            block = slice(first, first + _BLOCK)
+            _fill(points[..., block], d[:, block], s[..., block], seen)
     return points.reshape(3, 4, *shape)
+
+
+def _fill(points, d, s, seen):
+    """Write the points of K problems, d (2, K) and s (3, 3, K), into `points` (3, 4, K)."""
+    curve = _Curve(d, s)
+    r, where, column = curve.roots()
+    p, r = curve.to_local_radius(r, where)
+    signed = (r > 0) & np.all(r + d[:, where] > 0, axis=0)
+    p, where, column = p[:, signed], where[signed], column[signed]
+    p = _polished(p, d[:, where], s[..., where])
+    kept = _seen(p, s[..., where]) if seen else np.isfinite(p[0])
+    points[:, column[kept], where[kept]] = p[:, kept]
 
 
 def fix_covariance(position, satellites, R, chart):
@@ -102,9 +116,12 @@ def fix_covariance(position, satellites, R, chart):
     Returns
     -------
     numpy.ndarray, shape (2, 2, ...)
-        NaN where the position is, or where the differences do not tell it; for one position that is a ValueError.
+        NaN where the position is, or is below the horizon of a satellite, or where the differences do not tell it; for one position that is a ValueError.
     """
-    p = check_array(position, "position", 3)
+    p, s = check_array(position, "position", 3), check_stations(satellites, "satellites")
+    visible = _seen(p, s)
+    if p.ndim == 1 and not np.all(visible):
+        raise ValueError(f"position: expected one that all satellites see, got one below the horizon, {p}")
     slopes = difference_gradients(p, satellites)
     H = np.einsum("ik...,kj...->ij...", slopes, chart.jacobian(chart.to_chart(p)))
     W = np.linalg.inv(check_covariance(R, "R", len(slopes), definite=True))
@@ -112,15 +129,14 @@ def fix_covariance(position, satellites, R, chart):
         P = inverse(np.einsum("ki...,kl,lj...->ij...", H, W, H, optimize=True))
     if P.ndim == 2 and not np.isfinite(P).all():
         raise ValueError("satellites: expected range differences that tell the position, got a singular HᵀR⁻¹H")
-    return P
+    return np.where(visible, P, np.nan)
 
 
 class _Curve:
     """The points that share d_1 and d_2 with an emitter, p = P0 + P1 r + P2 r² with r = r_0 their range from S0; K problems in a row."""
 
-    def __init__(self, d, s, shape):
-        self.d = d.reshape(2, -1)
-        self.s = np.broadcast_to(s.reshape(3, 3, *[1] * (len(shape) + 2 - s.ndim), *s.shape[2:]), (3, 3, *shape)).reshape(3, 3, -1)
+    def __init__(self, d, s):
+        self.d, self.s = d, s
         first, b1, b2 = self.s[:, 0], self.s[:, 1] - self.s[:, 0], self.s[:, 2] - self.s[:, 0]
         c1, c2, c3 = _cross(b2, first), _cross(first, b1), _cross(b1, b2)
         volume = _dot(b1, c1)
@@ -133,7 +149,7 @@ class _Curve:
         self.P2 = -0.5 * self.normal
 
     def roots(self):
-        """The real roots r (J,) with the sphere of the radius under S0, and whose they are (J,); `column` tells which of the four."""
+        """The real roots r (J,) with the sphere of the radius under S0, and whose they are and which of the four (J,)."""
         R = _radius(self.s[:, 0])
         P0, P1, P2 = self.P0 + 0.5 * R**2 * self.normal, self.P1, self.P2
         quartic = np.stack([_dot(P0, P0) - R**2, 2 * _dot(P0, P1), _dot(P1, P1) + 2 * _dot(P0, P2), 2 * _dot(P1, P2), _dot(P2, P2)])
@@ -144,8 +160,8 @@ class _Curve:
         companion[:, :, 3] = (-quartic[:4, good] / quartic[4, good]).T
         values = np.linalg.eigvals(companion) if len(good) else np.zeros((0, 4))
         real = np.abs(values.imag) <= 1e-7 * np.abs(values.real)
-        which, self.column = np.nonzero(real)
-        return values.real[real] * _UNIT, good[which]
+        which, column = np.nonzero(real)
+        return values.real[real] * _UNIT, good[which], column
 
     def to_local_radius(self, r, where):
         """Points (3, J) and their r with R of each point, by Newton's iteration on |p(r)|² = R²."""
@@ -176,9 +192,7 @@ def _refuse(d, s, count, near):
     if np.any(np.abs(d) >= baselines):
         raise ValueError(f"d: expected range differences shorter than their baselines, {baselines}, got {d}")
     if count == 0:
-        if np.isfinite(candidates(d, s, seen=False)).any():
-            raise ValueError(f"d: no visible root: the emitter of {d} is below the horizon of a satellite")
-        raise ValueError(f"d: no visible root: no point of the sea has the range differences {d}")
+        raise ValueError(f"d: no visible root: no point of the sea that all satellites see has the range differences {d}")
     if count > 1 and near is None:
         raise ValueError(f"d: all satellites see {count} points with the range differences {d}; tell by near= which one is meant")
 
@@ -189,9 +203,10 @@ def _radius(p):
 
 
 def _seen(p, s):
-    """Whether all satellites s (3, 3, J) are above the horizon of p (3, J)."""
+    """Whether all satellites s (3, S, ...) are above the horizon of p (3, ...)."""
     normal = p / _column(_AXES**2, p)
-    return np.all([_dot(s[:, i] - p, normal) > 0 for i in range(3)], axis=0)
+    above = [_dot([sk - pk for sk, pk in zip(s[:, i], p, strict=True)], normal) > 0 for i in range(s.shape[1])]
+    return np.all(np.broadcast_arrays(*above), axis=0)
 
 
 def _polished(p, d, s):
