@@ -24,6 +24,31 @@ def geodetic(position):
     return np.stack([np.reshape(row, p.shape[1:]) for row in pymap3d.ecef2geodetic(*p, deg=False)])  # pymap3d drops axes of length one
 
 
+def next_sign(z, z_rate, dt):
+    """Sign of z after `dt` seconds, paper 4, (2): that of z + ż dt.
+
+    A chart keeps its sign until it is given another one. Between the steps of a filter, for one target or for an ensemble's runs alike::
+
+        p, v = chart.position(kf.x[:2]), chart.velocity(kf.x[:2], kf.x[2:])
+        chart = chart.with_sign(next_sign(p[2], v[2], dt))
+        kf.predict(dt)
+        kf.update(z, sensor.at(t).with_chart(chart))
+
+    Parameters
+    ----------
+    z, z_rate : float or array_like (M,)
+        m and m/s; of a run that is NaN the sign is 1.
+    dt : float
+        s.
+
+    Returns
+    -------
+    float or numpy.ndarray (M,)
+        1 or −1.
+    """
+    return np.where(np.asarray(z) + np.asarray(z_rate) * dt < 0, -1.0, 1.0)[()]  # (2)
+
+
 class Chart:
     """What the charts have in common."""
 

@@ -1,4 +1,4 @@
-"""Public data that the notebooks use but the project does not ship: looked for on this machine, else downloaded once and checked."""
+"""Public data that the notebooks use: most are not shipped, but looked for on this machine, else downloaded once and checked; coastlines are shipped."""
 
 import functools
 import os
@@ -120,6 +120,15 @@ def lidar_radar_log():
     log = pd.DataFrame(numbers, columns=columns)
     log.insert(0, "sensor", [row[0] for row in rows])
     return log
+
+
+def coastline():
+    """Coastlines of 105–165° E, 0–50° N for figures: a list of arrays (2, k), longitude and latitude in degrees, one a line; shipped with the package.
+
+    Source: Natural Earth (public domain); the head of data/coastline.csv tells how it was cut.
+    """
+    points = np.loadtxt(Path(__file__).parent / "data" / "coastline.csv", delimiter=",", skiprows=5)
+    return np.split(points[:, 1:].T, np.flatnonzero(np.diff(points[:, 0])) + 1, axis=1)
 
 
 def _width(row):

@@ -105,7 +105,7 @@ class Ensemble:
             self.x, self.P, self.y, self.S, self.K = self._corrected(self.x, self._covariance, z, sensor, R)
             return
         R = R[..., mask] if R.ndim == 3 else R
-        x, P, y, S, K = self._corrected(self.x[:, mask], self.P[..., mask], z[:, mask], sensor, R)
+        x, P, y, S, K = self._corrected(self.x[:, mask], self.P[..., mask], z[:, mask], sensor.of_runs(mask), R)
         self.x, self.P = self.x.copy(), self.P.copy()
         self.x[:, mask], self.P[..., mask] = x, P
         self.y, self.S, self.K = (self._scattered(part, mask) for part in (y, S, K))

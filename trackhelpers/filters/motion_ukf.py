@@ -6,7 +6,7 @@ import numpy as np
 from filterpy.kalman import MerweScaledSigmaPoints, UnscentedKalmanFilter
 
 from trackhelpers import angles as _angles
-from trackhelpers.arrays import check_dt
+from trackhelpers.arrays import all_finite, check_dt
 from trackhelpers.filters.base import atomic, inverse_of_S, refused
 from trackhelpers.filters.on_model import REFUSED, OnModel
 
@@ -88,7 +88,10 @@ class MotionUKF(OnModel, UnscentedKalmanFilter):
         if not (np.array_equal(self.x, self._drawn[0]) and np.array_equal(self.P, self._drawn[1])):
             self.sigmas_f = self.points_fn.sigma_points(self.x, self.P)
             self._drawn = self.x.copy(), self.P.copy()
-        seen = iter(sensor.h(self.sigmas_f.T).T)  # of all points at once; filterpy asks for one after the other
+        points = sensor.h(self.sigmas_f.T).T  # of all at once; filterpy asks for one after the other
+        if not all_finite(points):
+            raise ValueError("sensor: h does not exist at a sigma point (NaN): the prior reaches beyond what the sensor can see")
+        seen = iter(points)
         self._dim_z, self.R, self._sensor, self.residual_z = sensor.m, R, sensor, sensor.residual
         super().update(z, UT=self._moments_of_measurement, hx=lambda point: next(seen))
         self._normalise_posterior()

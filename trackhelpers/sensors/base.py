@@ -83,6 +83,10 @@ class Sensor:
         """The sensor at the time `t`, s: itself, unless a subclass moves or changes with time."""
         return self
 
+    def of_runs(self, mask):
+        """The sensor for some runs of an ensemble, mask (M,) bool: itself, unless a subclass differs from run to run."""
+        return self
+
     def h(self, x):
         """Measurement of state x without noise: (n, ...) to (m, ...). ValueError for a first axis that is not n, or a state (n,) not finite."""
         x = check_array(x, "x", len(self.state))

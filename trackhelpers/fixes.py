@@ -1,0 +1,234 @@
+"""Where on the sea an emitter is, from range differences alone: in closed form from one pair, paper 4, section 3.1, and its covariance.
+
+Positions are ECEF, m; d and the points have any trailing axes (times, runs), against which those of `satellites` (3, 3) or (3, 3, ...) broadcast.
+"""
+
+import numpy as np
+
+from trackhelpers.arrays import check_array, check_covariance, inverse
+from trackhelpers.batch import BatchFix as BatchFix
+from trackhelpers.batch import batch_fix as batch_fix
+from trackhelpers.charts import Ellipsoid
+from trackhelpers.sensors.tdoa import check_stations, difference_gradients, range_differences
+
+_AXES = np.array([Ellipsoid.a, Ellipsoid.a, Ellipsoid.b])
+_UNIT = 1e6  # m, of the ranges in the quartic
+_FLAT = 1e-5  # the least volume that S0's radius and the baselines span, as a share of a box's
+_BLOCK = 2048  # problems at a time, which fit into the processor's cache
+_QUIET = {"over": "ignore", "invalid": "ignore", "divide": "ignore"}
+
+
+def fix(d, satellites, near=None):
+    """The point of the sea that a pair of range differences tells.
+
+    Parameters
+    ----------
+    d : array_like, shape (2, ...)
+        d_1 and d_2, m; (2,) is one epoch.
+    satellites : array_like, shape (3, 3) or (3, 3, ...)
+        Positions of S0, S1, S2 as columns; of N epochs (3, 3, N, 1), say, for d (2, N, M).
+    near : array_like, shape (3,) or (3, ...), optional
+        Of several points that all satellites see, the nearest to this one is taken; without it that is no fix.
+
+    Returns
+    -------
+    numpy.ndarray, shape (3, ...)
+        NaN where there is no fix, so that ``np.isfinite(p[0])`` is the mask of those that have one.
+
+    Raises
+    ------
+    ValueError
+        A formation that lies in a plane with the Earth's centre (a collinear one, a string along one orbit), from which left and right look the same. For one epoch
+        also a difference that is not shorter than its baseline, no point that all satellites see, several of them.
+
+    Notes
+    -----
+    Of an emitter below the horizon the differences may have another point that is seen: nothing tells that from d alone.
+    """
+    d, s = _arguments(d, satellites)
+    found = candidates(d, s)
+    there = np.isfinite(found[0])
+    count = there.sum(axis=0)
+    if d.ndim == 1:
+        _refuse(d, s, count, near)
+    if near is None:
+        chosen = np.argmax(there, axis=0)
+        lost = count != 1
+    else:
+        q = check_array(near, "near", 3)
+        q = _column(q, found) if q.ndim == 1 else q[:, None]
+        distance = np.sum((found - q) ** 2, axis=0)
+        chosen = np.argmin(np.where(there, distance, np.inf), axis=0)
+        lost = count == 0
+    p = np.take_along_axis(found, chosen[None, None], axis=1)[:, 0]
+    return np.where(lost, np.nan, p)
+
+
+def candidates(d, satellites, seen=True):
+    """All points of the sea with the range differences d: shape (3, 4, ...), NaN where there are fewer than four.
+
+    (s_i − s_0)·p = ½[(s_i − s_0)·(s_i + s_0) − d_i²] − d_i r_0 and s_0·p = ½(R² + |s_0|² − r_0²) give p as a quadratic in r_0, and |p|² = R² a quartic. Roots count that
+    are real with r_0 > 0 and r_0 + d_i > 0; R becomes the Earth's radius there, and Newton's iteration on d_1, d_2 and the ellipsoid takes off the rest.
+
+    Parameters
+    ----------
+    d, satellites
+        As for `fix`.
+    seen : bool
+        Only those that are over the horizon of all satellites.
+    """
+    d, s = _arguments(d, satellites)
+    shape = np.broadcast_shapes(d.shape[1:], s.shape[2:])
+    s = np.broadcast_to(s.reshape(3, 3, *[1] * (len(shape) + 2 - s.ndim), *s.shape[2:]), (3, 3, *shape)).reshape(3, 3, -1)
+    d = np.broadcast_to(d.reshape(2, *[1] * (len(shape) + 1 - d.ndim), *d.shape[1:]), (2, *shape)).reshape(2, -1)
+    points = np.full((3, 4, d.shape[1]), np.nan)
+    with np.errstate(**_QUIET):
+        for first in range(0, d.shape[1], _BLOCK):
+            block = slice(first, first + _BLOCK)
+            _fill(points[..., block], d[:, block], s[..., block], seen)
+    return points.reshape(3, 4, *shape)
+
+
+def _fill(points, d, s, seen):
+    """Write the points of K problems, d (2, K) and s (3, 3, K), into `points` (3, 4, K)."""
+    curve = _Curve(d, s)
+    r, where, column = curve.roots()
+    p, r = curve.to_local_radius(r, where)
+    signed = (r > 0) & np.all(r + d[:, where] > 0, axis=0)
+    p, where, column = p[:, signed], where[signed], column[signed]
+    p = _polished(p, d[:, where], s[..., where])
+    kept = _seen(p, s[..., where]) if seen else np.isfinite(p[0])
+    points[:, column[kept], where[kept]] = p[:, kept]
+
+
+def fix_covariance(position, satellites, R, chart):
+    """Covariance of a fix in the chart's coordinates, (H_xyᵀ R⁻¹ H_xy)⁻¹: the paper's PdX, to first order.
+
+    Parameters
+    ----------
+    position : array_like, shape (3, ...)
+        The fix, or the emitter.
+    satellites : array_like, shape (3, S) or (3, S, ...)
+    R : array_like, shape (S − 1, S − 1)
+        Covariance of the range differences, m².
+    chart : trackhelpers.charts.Chart
+
+    Returns
+    -------
+    numpy.ndarray, shape (2, 2, ...)
+        NaN where the position is, or is below the horizon of a satellite, or where the differences do not tell it; for one position that is a ValueError.
+    """
+    p, s = check_array(position, "position", 3), check_stations(satellites, "satellites")
+    visible = _seen(p, s)
+    if p.ndim == 1 and not np.all(visible):
+        raise ValueError(f"position: expected one that all satellites see, got one below the horizon, {p}")
+    slopes = difference_gradients(p, satellites)
+    H = np.einsum("ik...,kj...->ij...", slopes, chart.jacobian(chart.to_chart(p)))
+    W = np.linalg.inv(check_covariance(R, "R", len(slopes), definite=True))
+    with np.errstate(**_QUIET):
+        P = inverse(np.einsum("ki...,kl,lj...->ij...", H, W, H, optimize=True))
+    if P.ndim == 2 and not np.isfinite(P).all():
+        raise ValueError("satellites: expected range differences that tell the position, got a singular HᵀR⁻¹H")
+    return np.where(visible, P, np.nan)
+
+
+class _Curve:
+    """The points that share d_1 and d_2 with an emitter, p = P0 + P1 r + P2 r² with r = r_0 their range from S0; K problems in a row."""
+
+    def __init__(self, d, s):
+        self.d, self.s = d, s
+        first, b1, b2 = self.s[:, 0], self.s[:, 1] - self.s[:, 0], self.s[:, 2] - self.s[:, 0]
+        c1, c2, c3 = _cross(b2, first), _cross(first, b1), _cross(b1, b2)
+        volume = _dot(b1, c1)
+        too_flat = np.abs(volume) < _FLAT * np.sqrt(_dot(b1, b1) * _dot(b2, b2) * _dot(first, first))
+        volume = np.where(too_flat | np.any(np.abs(self.d) >= np.sqrt(np.stack([_dot(b1, b1), _dot(b2, b2)])), axis=0), np.nan, volume)
+        self.normal, square = c3 / volume, _dot(first, first)
+        k1, k2 = (0.5 * (_dot(b, self.s[:, i] + first) - di**2) for i, b, di in ((1, b1, self.d[0]), (2, b2, self.d[1])))
+        self.P0 = (k1 * c1 + k2 * c2) / volume + 0.5 * square * self.normal  # without R²
+        self.P1 = -(self.d[0] * c1 + self.d[1] * c2) / volume
+        self.P2 = -0.5 * self.normal
+
+    def roots(self):
+        """The real roots r (J,) with the sphere of the radius under S0, and whose they are and which of the four (J,)."""
+        R = _radius(self.s[:, 0])
+        P0, P1, P2 = self.P0 + 0.5 * R**2 * self.normal, self.P1, self.P2
+        quartic = np.stack([_dot(P0, P0) - R**2, 2 * _dot(P0, P1), _dot(P1, P1) + 2 * _dot(P0, P2), 2 * _dot(P1, P2), _dot(P2, P2)])
+        quartic *= _UNIT ** np.arange(5.0)[:, None]
+        good = np.flatnonzero(np.isfinite(quartic).all(axis=0))
+        companion = np.zeros((len(good), 4, 4))
+        companion[:, [1, 2, 3], [0, 1, 2]] = 1
+        companion[:, :, 3] = (-quartic[:4, good] / quartic[4, good]).T
+        values = np.linalg.eigvals(companion) if len(good) else np.zeros((0, 4))
+        real = np.abs(values.imag) <= 1e-7 * np.abs(values.real)
+        which, column = np.nonzero(real)
+        return values.real[real] * _UNIT, good[which], column
+
+    def to_local_radius(self, r, where):
+        """Points (3, J) and their r with R of each point, by Newton's iteration on |p(r)|² = R²."""
+        P0, P1, P2, normal = (part[:, where] for part in (self.P0, self.P1, self.P2, self.normal))
+        R = _radius(self.s[:, 0, where])
+        for _ in range(3):  # the radius changes by 0.3 % of a way at most, so each takes off two digits or more
+            p = P0 + 0.5 * R**2 * normal + (P1 + P2 * r) * r
+            R = _radius(p)
+            p = P0 + 0.5 * R**2 * normal + (P1 + P2 * r) * r
+            r = r - 0.5 * (_dot(p, p) - R**2) / _dot(p, P1 + 2 * P2 * r)
+        return P0 + 0.5 * R**2 * normal + (P1 + P2 * r) * r, r
+
+
+def _arguments(d, satellites):
+    d, s = check_array(d, "d", 2), check_stations(satellites, "satellites")
+    if s.shape[1] != 3:
+        raise ValueError(f"satellites: expected three, shape (3, 3), got {s.shape}")
+    if s.ndim == 2:
+        b1, b2, first = s[:, 1] - s[:, 0], s[:, 2] - s[:, 0], s[:, 0]
+        if abs(np.cross(b1, b2) @ first) < _FLAT * np.linalg.norm(b1) * np.linalg.norm(b2) * np.linalg.norm(first):
+            raise ValueError("satellites: expected a formation that is in no plane with the Earth's centre, got a collinear or a flat one")
+    return d, s
+
+
+def _refuse(d, s, count, near):
+    """ValueError for one epoch that has no fix."""
+    baselines = np.linalg.norm(s[:, 1:] - s[:, :1], axis=0)
+    if np.any(np.abs(d) >= baselines):
+        raise ValueError(f"d: expected range differences shorter than their baselines, {baselines}, got {d}")
+    if count == 0:
+        raise ValueError(f"d: no visible root: no point of the sea that all satellites see has the range differences {d}")
+    if count > 1 and near is None:
+        raise ValueError(f"d: all satellites see {count} points with the range differences {d}; tell by near= which one is meant")
+
+
+def _radius(p):
+    """The Earth's radius, m, in the direction of p (3, ...)."""
+    return np.sqrt(_dot(p, p) / _dot(p / _column(_AXES, p), p / _column(_AXES, p)))
+
+
+def _seen(p, s):
+    """Whether all satellites s (3, S, ...) are above the horizon of p (3, ...)."""
+    normal = p / _column(_AXES**2, p)
+    above = [_dot([sk - pk for sk, pk in zip(s[:, i], p, strict=True)], normal) > 0 for i in range(s.shape[1])]
+    return np.all(np.broadcast_arrays(*above), axis=0)
+
+
+def _polished(p, d, s):
+    """Newton's iteration for p (3, J) on d_1, d_2 and the ellipsoid; NaN where it does not end there (two roots that nearly meet at the horizon)."""
+    for _ in range(4):
+        g1, g2 = difference_gradients(p, s)
+        normal = p / _column(_AXES**2, p)
+        e1, e2 = d - range_differences(p, s)
+        e3 = 0.5 * (1 - _dot(p, normal))
+        c1, c2, c3 = _cross(g2, normal), _cross(normal, g1), _cross(g1, g2)
+        step = (e1 * c1 + e2 * c2 + e3 * c3) / _dot(g1, c1)
+        p = p + step
+    return np.where(_dot(step, step) < 1e-6, p, np.nan)
+
+
+def _dot(a, b):
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+def _cross(a, b):
+    return np.stack([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
+
+
+def _column(values, p):
+    return values.reshape(3, *[1] * (p.ndim - 1))

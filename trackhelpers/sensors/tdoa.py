@@ -1,0 +1,195 @@
+"""Time differences of arrival at satellites, or at any stations, as range differences in metres: paper 4, section 2.1. The emitter stays on a surface."""
+
+import copy
+from math import sqrt
+
+import numpy as np
+
+from trackhelpers.arrays import check_array
+from trackhelpers.sensors.base import Sensor
+
+
+def range_differences(position, satellites):
+    """|p − s_i| − |p − s_0| for i = 1 … S − 1, without cancellation.
+
+    With b = s_0 − s_i and u = p − s_0 it is c/(r_i + r_0), where c = r_i² − r_0² = b·(2u + b).
+
+    Parameters
+    ----------
+    position : array_like, shape (3, ...)
+        Of the emitter, m.
+    satellites : array_like, shape (3, S) or (3, S, ...)
+        Of the satellites, m, S ≥ 2, s_0 first; further axes broadcast against those of `position`.
+
+    Returns
+    -------
+    numpy.ndarray, shape (S − 1, ...)
+    """
+    _, _, rows = _rows(position, satellites)
+    return np.stack([d for _, _, d in rows])
+
+
+def difference_gradients(position, satellites):
+    """The gradient of the range differences by the emitter's position, û_i − û_0: shape (S − 1, 3, ...); arguments as for `range_differences`.
+
+    With û the unit vectors from the satellites to the emitter it is (b − d_i û_0)/r_i, without cancellation.
+    """
+    u, r0, rows = _rows(position, satellites)
+    return np.stack([np.stack([(bk - d / r0 * uk) / r for bk, uk in zip(b, u, strict=True)]) for b, r, d in rows])
+
+
+class StationDifferences(Sensor):
+    """What sensors share that compare stations with the first one: where the stations are and when, and the chart of the emitter.
+
+    The state holds the chart's two coordinates under the names x and y, whatever they mean there (east and north in `LocalENU`), in any place and order;
+    further components are left alone. `h` and `H` of a sensor whose satellites depend on time are those of an instant, ``sensor.at(t)``.
+
+    Parameters
+    ----------
+    sigma : float, sequence of float, or array_like (m, m)
+        Standard deviations of the differences, SI units, or their covariance R; of those in `rows`, or of all.
+    satellites : array_like (3, S), or a function t -> (3, S)
+        Positions of the S ≥ 2 satellites in the chart's frame, m, s_0 first. (2, S) lie in the plane z = 0.
+    chart : trackhelpers.charts.Chart
+        Where the emitter can be.
+    state : sequence of str
+        Names of the state's components.
+    rows : sequence of int or of str
+        Which differences are measured: numbers i of the satellites that are compared with s_0, or names; in this order.
+    R : array_like, shape (m, m), optional
+        The covariance in the place of `sigma`.
+
+    Raises
+    ------
+    ValueError
+        From `h` and `H` for one target outside the chart; in an ensemble that run gets NaN. From `at` for satellites that are not (3, S), S large enough.
+    """
+
+    letter = ""
+
+    def __init__(self, sigma=None, satellites=None, chart=None, state=("x", "y", "vx", "vy"), rows=(1, 2), R=None):
+        if (sigma is None) == (R is None):
+            raise ValueError("sigma, R: expected one of the two")
+        self.satellites, self.chart = satellites, chart
+        rows = [rows] if isinstance(rows, (str, int, np.integer)) else rows
+        rows = [row if isinstance(row, str) else f"{self.letter}{row}" for row in rows]
+        if callable(satellites):
+            count = max([2, *(int(row[len(self.letter) :]) for row in rows if row[len(self.letter) :].isdecimal())])
+        else:
+            count = check_stations(satellites, "satellites").shape[1] - 1
+        self.names = tuple(f"{self.letter}{i}" for i in range(1, count + 1))
+        given = np.ndim(sigma) == 2
+        super().__init__(None if given else sigma, state, sigma if given else R, rows)
+        self._place = self._column("x"), self._column("y")
+        self._latest = None, None
+        self._stations = None if callable(satellites) else self._prepared(None)
+
+    def at(self, t):
+        """The sensor at the time `t`, s; the last one is kept, so that it costs nothing to ask again."""
+        if not callable(self.satellites):
+            return self
+        if self._latest[0] != t:
+            self._latest = t, self._copy(_stations=self._prepared(t))
+        return self._latest[1]
+
+    def with_chart(self, chart):
+        """The same sensor with another chart: where a sign of the `Ellipsoid` has changed, see `trackhelpers.charts.next_sign`."""
+        return self._copy(chart=chart)
+
+    def of_runs(self, mask):
+        """The sensor of some runs of an ensemble, mask (M,) bool: itself, unless the chart has a sign for each run."""
+        sign = getattr(self.chart, "sign", None)
+        return self.with_chart(self.chart.with_sign(sign[mask])) if np.ndim(sign) else self
+
+    def _copy(self, **changed):
+        other = copy.copy(self)
+        other.__dict__.update(changed, _latest=(None, None))
+        return other
+
+    def _prepared(self, t):
+        """What `_parts` needs of the satellites at the time t: s_0, and for each row that is taken s_0 − s_i and its square."""
+        s = check_stations(self.satellites if t is None else self.satellites(t), "satellites")
+        if s.ndim > 2 or s.shape[1] <= max(self._taken) + 1:
+            raise ValueError(f"satellites: expected shape (3, S) with S > {max(self._taken) + 1}, got {s.shape}")
+        baselines = [(s[:, 0] - s[:, i + 1]).tolist() for i in self._taken]
+        return s[:, 0].tolist(), [(b, b[0] * b[0] + b[1] * b[1] + b[2] * b[2]) for b in baselines]
+
+    def _seen(self, x):
+        """Coordinates q, and from s_0 the emitter's direction, its range r_0, and for each row that is taken (i, s_0 − s_i, r_i, d_i)."""
+        if self._stations is None:
+            raise ValueError(f"{type(self).__name__}: the satellites move: ask for the sensor of an instant, .at(t)")
+        first, baselines = self._stations[:2]
+        q = np.stack([x[i] for i in self._place])
+        p = self.chart.position(q)
+        single = x.ndim == 1
+        u = [row - s for row, s in zip(p.tolist() if single else p, first, strict=True)]
+        root = sqrt if single else np.sqrt
+        square = u[0] * u[0] + u[1] * u[1] + u[2] * u[2]
+        r0, rows = root(square), []
+        for i, (b, bb) in zip(self._taken, baselines, strict=True):
+            c = _excess(u, b, bb)
+            r = root(square + c)
+            rows.append((i, b, r, c / (r + r0)))
+        return q, u, r0, rows
+
+
+class TDOA(StationDifferences):
+    """Range differences d_i = |p − s_i| − |p − s_0| = c (τ_i − τ_0), m: paper 4, (3).
+
+    TDOA(sigma or R, satellites, chart, state, rows=(1, 2)): everything as for `StationDifferences`; the components are d1, d2, …
+
+    Example: a ship under three satellites, of which at time t the second saw nothing::
+
+        tdoa = TDOA(24.0, satellites, Ellipsoid(), model.state)
+        kf.update(z[:1], TDOA(24.0, satellites, Ellipsoid(), model.state, rows=(1,)).at(t))
+    """
+
+    letter = "d"
+
+    def _parts(self, x):
+        return self._seen(x)
+
+    def _h(self, x, parts):
+        rows = [None] * len(self.components)
+        for i, _, _, d in parts[3]:
+            rows[i] = d
+        return rows
+
+    def _H(self, x, parts):
+        q, u, r0, rows = parts
+        J = self.chart.jacobian(q)
+        J = J.tolist() if x.ndim == 1 else J
+        entries = {}
+        for i, b, r, d in rows:
+            ratio = d / r0
+            slope = [(bk - ratio * uk) / r for bk, uk in zip(b, u, strict=True)]  # û_i − û_0
+            for k, column in enumerate(self._place):
+                entries[i, column] = slope[0] * J[0][k] + slope[1] * J[1][k] + slope[2] * J[2][k]
+        return entries
+
+
+def check_stations(value, name):
+    """Positions (3, S, ...) of S ≥ 2 stations; (2, S) are in the plane z = 0. ValueError for another shape, or what is not finite."""
+    s = check_array(value, name, None)
+    if s.ndim < 2 or s.shape[0] not in (2, 3) or s.shape[1] < 2 or not np.isfinite(s).all():
+        raise ValueError(f"{name}: expected finite positions of shape (3, S), S ≥ 2, got shape {s.shape}")
+    return s if len(s) == 3 else np.concatenate([s, np.zeros_like(s[:1])])
+
+
+def _rows(position, satellites):
+    """The emitter from s_0, its range, and for each further satellite b = s_0 − s_i, r_i and d_i."""
+    p, s = check_array(position, "position", 3), check_stations(satellites, "satellites")
+    u = [pk - sk for pk, sk in zip(p, s[:, 0], strict=True)]
+    r0, rows = np.sqrt(u[0] * u[0] + u[1] * u[1] + u[2] * u[2]), []
+    for i in range(1, s.shape[1]):
+        b = s[:, 0] - s[:, i]
+        c = _excess(u, b, b[0] * b[0] + b[1] * b[1] + b[2] * b[2])
+        r = np.sqrt(r0 * r0 + c)
+        rows.append((b, r, c / (r + r0)))
+    return u, r0, rows
+
+
+def _excess(u, b, bb):
+    """r_i² − r_0² = b·(2u + b)."""
+    along = b[0] * u[0] + b[1] * u[1] + b[2] * u[2]
+    return along + along + bb
