@@ -10,10 +10,11 @@ A run that diverges or whose innovation covariance is no longer positive definit
 import numpy as np
 
 from trackhelpers import angles
-from trackhelpers.arrays import check_dt, cholesky
+from trackhelpers.arrays import check_dt, cholesky, matvec
 from trackhelpers.ensemble.base import QUIET, Ensemble
 from trackhelpers.ensemble.covariance import correct, gain, mirror, propagate
 from trackhelpers.filters.motion_ukf import check_known, check_sigma_points, warn_unknown
+from trackhelpers.manoeuvre import check_window
 
 
 class EnsembleEKF(Ensemble):
@@ -26,14 +27,17 @@ class EnsembleEKF(Ensemble):
         Initial estimates, SI units and rad.
     P0 : array_like, shape (n, n) or (n, n, M)
         Their covariance.
+    iterations : int
+        As for `MotionEKF`.
 
     Attributes
     ----------
     x (n, M), P (n, n, M) : state and covariance; y (m, M), S (m, m, M), K (n, m, M) : of the last update.
     """
 
-    def __init__(self, model, x0, P0):
+    def __init__(self, model, x0, P0, iterations=1):
         super().__init__(model, x0, P0)
+        self.iterations = check_window(iterations, "iterations")
         if self.P.ndim == 2:
             self.P = np.repeat(self.P[:, :, None], self.runs, axis=2)
 
@@ -48,9 +52,16 @@ class EnsembleEKF(Ensemble):
     def _corrected(self, x, P, z, sensor, R):
         with np.errstate(**QUIET):
             z_hat, entries = sensor.linearised(x)
-            K, S, P = correct(P, entries, R)
+            K, S, corrected = correct(P, entries, R)
             y = sensor.residual(z, z_hat)
-            return self._moved(x, K, y), P, y, S, K
+            for _ in range(self.iterations - 1):
+                step = matvec(K, y)
+                z_hat, entries = sensor.linearised(x + step)
+                K, S, corrected = correct(P, entries, R)
+                y = sensor.residual(z, z_hat)  # of the sensor linearised there: z − h(xᵢ) − Hᵢ (x⁻ − xᵢ)
+                for (i, j), value in entries.items():
+                    y[i] += value * step[j]
+            return self._moved(x, K, y), corrected, y, S, K
 
 
 class EnsembleUKF(Ensemble):
