@@ -43,11 +43,7 @@ class EnsembleEKF(Ensemble):
 
     def predict(self, dt):
         """Predict over `dt` seconds, dt ≥ 0."""
-        dt = check_dt(dt)
-        with np.errstate(**QUIET):
-            x, transition, noise = self.model.linearised(self.x, dt)
-            self.P = propagate(self.P, transition, noise)
-        self.x = self.model._normalise(x)
+        self.x, self.P = _linearised(self, check_dt(dt))
 
     def _corrected(self, x, P, z, sensor, R):
         with np.errstate(**QUIET):
@@ -93,6 +89,11 @@ class EnsembleUKF(Ensemble):
     def predict(self, dt):
         """Predict over `dt` seconds, dt ≥ 0."""
         dt = check_dt(dt)
+        # the transform of a linear model is F x and F P Fᵀ, which needs no points
+        self.x, self.P = _linearised(self, dt) if self.model.linear else self._transformed(dt)
+        warn_unknown(self.P, self.model)
+
+    def _transformed(self, dt):
         with np.errstate(**QUIET):
             Q = self.model.Q(self.x, dt)
             moved = self.model.f(self._sigma_points(self.x, self._displacements(self.P)), dt)
@@ -100,8 +101,7 @@ class EnsembleUKF(Ensemble):
             P = self._spread_about(moved, x)[0]
             P += Q
             mirror(P)
-        self.x, self.P = self.model._normalise(x), P
-        warn_unknown(P, self.model)
+        return self.model._normalise(x), P
 
     def _corrected(self, x, P, z, sensor, R):
         with np.errstate(**QUIET):
@@ -146,6 +146,14 @@ class EnsembleUKF(Ensemble):
         np.add(x[:, None], root, out=points[:, 1 : n + 1])
         np.subtract(x[:, None], root, out=points[:, n + 1 :])
         return points
+
+
+def _linearised(ens, dt):
+    """x and P of the runs after `dt` seconds by the model's F."""
+    with np.errstate(**QUIET):
+        x, transition, noise = ens.model.linearised(ens.x, dt)
+        P = propagate(ens.P, transition, noise)
+    return ens.model._normalise(x), P
 
 
 def _root(P):
