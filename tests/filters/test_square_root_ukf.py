@@ -16,7 +16,7 @@ from trackhelpers.angles import wrap
 from trackhelpers.filters import MotionSquareRootUKF, MotionUKF, SquareRootUKF, cholupdate
 from trackhelpers.follow import follow, smooth
 from trackhelpers.motion import CTRV, CV
-from trackhelpers.sensors import Lidar, Position, Radar
+from trackhelpers.sensors import Lidar, LinearSensor, Position, Radar
 
 FORMS = ("qr", "cholupdate")
 both_forms = pytest.mark.parametrize("form", FORMS)
@@ -162,8 +162,8 @@ def ill_conditioned(cls, variances, steps, **more):
 
 def exact(variances, steps):
     """P of the same filter in rational numbers: the inverse covariances add up."""
-    F, v, w, h = 0, Fraction(variances[0]), Fraction(variances[1]), Fraction(1, 1000)
-    a, b, c = 1 / v, Fraction(F), 1 / w  # information [[a, b], [b, c]] at the present time
+    v, w, h = Fraction(variances[0]), Fraction(variances[1]), Fraction(1, 1000)
+    a, b, c = 1 / v, Fraction(0), 1 / w  # information [[a, b], [b, c]] at the present time
     for _ in range(steps):
         a, b, c = a, b - a, c - 2 * b + a  # F⁻ᵀ Y F⁻¹
         a, b, c = a + 2 * 10**8, b + h * 10**8, c + h * h * 10**8
@@ -188,6 +188,24 @@ def test_where_the_prior_is_1e18_times_the_noise_the_qr_form_alone_goes_on():
         ill_conditioned(SquareRootUKF, (1e10, 1e-2), 1, form="cholupdate")
     kf = ill_conditioned(SquareRootUKF, (1e10, 1e-2), 200)
     assert np.abs(kf.P / exact((1e10, 1e-2), 200) - 1).max() < 0.02 and np.isfinite(kf.log_likelihood)
+
+
+@pytest.mark.parametrize(("variances", "plain"), [((1e6, 1.0), "P"), ((1e10, 1e-2), "S")])
+def test_on_a_model_the_square_root_goes_on_where_the_plain_filter_refuses(variances, plain):
+    model = CV(0.0, axes=1)
+    sensor = LinearSensor(ILL, 1e-8 * np.eye(2), model.state)
+    zs = 1e-4 * np.random.default_rng(0).standard_normal((200, 2))
+    with pytest.raises(ValueError, match=rf"zs\[[01]\]: {plain}: expected"):
+        follow(MotionUKF(model, np.zeros(2), np.diag(variances)), zs, sensor, 1.0)
+    kf = follow(MotionSquareRootUKF(model, np.zeros(2), np.diag(variances)), zs, sensor, 1.0).filter
+    assert np.abs(kf.P / exact(variances, 200) - 1).max() < 0.02
+
+
+@pytest.mark.parametrize("scale", [1e-6, 1.0, 1e6])
+def test_a_noise_of_one_dimension_alone_is_a_singular_S_whatever_the_unit(scale):
+    kf, a = MotionSquareRootUKF(CV(), np.zeros(4), np.zeros((4, 4))), scale * np.array([0.1, 0.3])
+    with pytest.raises(ValueError, match="S: expected"):
+        kf.update([1.0, 1.0], Position(1.0, CV().state), R=np.outer(a, a))
 
 
 def test_the_downdate_that_fails_leaves_the_filter_as_it_was():

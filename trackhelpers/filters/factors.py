@@ -1,7 +1,7 @@
 """Triangular factors of covariances: what a square-root filter computes with."""
 
 import numpy as np
-from scipy.linalg.lapack import dgeqrf
+from scipy.linalg.lapack import dgeqrf, dpotrf
 
 from trackhelpers.arrays import all_finite, check_array, check_covariance
 from trackhelpers.checks import correlations, deviations
@@ -69,7 +69,7 @@ def triangular(rows):
 def lower_root(P, name, n, sqrt_fn=None):
     """Lower triangular L with L Lᵀ = P (n, n); ValueError that calls it `name` unless P is a covariance.
 
-    It is taken of the correlations, so that no unit decides what is rounding: Cholesky's where P is definite, else from an eigenvalue root without what rounding left.
+    Cholesky's where P is definite, else from an eigenvalue root of the correlations, so that no unit decides what is rounding, without what rounding left.
     """
     P = check_covariance(P, name, n)
     if sqrt_fn is not None:
@@ -77,14 +77,10 @@ def lower_root(P, name, n, sqrt_fn=None):
         if not np.allclose(U.T @ U, P, rtol=1e-9, atol=1e-12 * np.abs(P).max()):
             raise ValueError(f"sqrt_fn: expected U with UᵀU = {name}, upper triangular if triangular at all, got {U.tolist()}")
         return triangular(U)
+    L, failed = dpotrf(P, lower=True, clean=True)
+    if not failed and (L.diagonal() > 1e-7 * np.sqrt(P.diagonal())).all():
+        return L
     sigma = deviations(P)
-    C = correlations(P)
-    try:
-        L = np.linalg.cholesky(C)
-        if L.diagonal().min() > 1e-7:
-            return sigma[:, None] * L
-    except np.linalg.LinAlgError:
-        pass
-    values, vectors = np.linalg.eigh(C)
+    values, vectors = np.linalg.eigh(correlations(P))
     values[values < 1e-14] = 0.0
     return triangular((sigma[:, None] * vectors * np.sqrt(values)).T)
