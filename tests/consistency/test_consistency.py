@@ -80,6 +80,22 @@ def test_cramer_rao_of_a_step_without_a_measurement_is_the_prediction():
     np.testing.assert_allclose(bound[1], F @ bound[0] @ F.T + Q)
 
 
+def test_cramer_rao_of_a_deterministic_track_is_the_inverse_of_the_information_that_adds_up():
+    """Q = 0, a wide start, four states, ten minutes of angles that change, every fifth measurement missing."""
+    F, N = np.eye(4) + np.diag([1.0, 0.0, 1.0], 1), 600
+    angles = 0.1 + 1e-3 * np.arange(N)
+    Hs = [None if k % 5 == 0 else np.array([[np.cos(a), 0, np.sin(a), 0], [np.sin(2 * a), 0, 1, 0]]) for k, a in enumerate(angles)]
+    Rs = [None if H is None else np.array([[4.0, 1.0], [1.0, 2.0]]) for H in Hs]
+    bound = cramer_rao([F] * N, [np.zeros((4, 4))] * N, Hs, Rs, 1e8 * np.eye(4))
+    information, back = 1e-8 * np.eye(4), np.linalg.inv(F)
+    for k, H in enumerate(Hs):
+        information = back.T @ information @ back
+        if H is not None:
+            information += H.T @ np.linalg.solve(Rs[k], H)
+        if k in (20, N - 1):
+            np.testing.assert_allclose(bound[k], np.linalg.inv(information), rtol=1e-7, atol=1e-12)
+
+
 @pytest.mark.parametrize(
     ("changed", "message"),
     [

@@ -197,3 +197,14 @@ def test_a_masked_nan_is_no_measurement():
     assert np.isfinite(ens.x).all()
     ens.update(None, Lidar())
     assert ens.y.shape == (0, M)
+
+
+@pytest.mark.parametrize("noise", ["straight", "continuous"])
+def test_the_unscented_prediction_of_a_linear_model_is_that_of_its_sigma_points(noise):
+    rng, model = np.random.default_rng(4), CV(0.5, noise=noise)
+    A = rng.normal(size=(4, 4))
+    ens = EnsembleUKF(model, rng.normal(size=(4, 40)), A @ A.T)
+    x, P = ens._transformed(0.7)
+    ens.predict(0.7)
+    np.testing.assert_allclose(ens.x, x, atol=1e-13)
+    np.testing.assert_allclose(ens.P, P, atol=1e-13)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from trackhelpers.ensemble import EnsembleEKF, EnsembleKF, EnsembleUKF
-from trackhelpers.filters import MotionEKF, MotionKF, MotionUKF
+from trackhelpers.filters import MotionEKF, MotionKF, MotionSquareRootUKF, MotionUKF
 from trackhelpers.model import Model
 from trackhelpers.motion import CTRV, CV, LinearModel
 from trackhelpers.sensors import Lidar, LinearSensor, Position, Radar, RangeBearing
@@ -17,6 +17,7 @@ from trackhelpers.sensors import Lidar, LinearSensor, Position, Radar, RangeBear
 X0, P0 = np.array([4.0, 3.0, 5.0, 0.7, 0.3]), 0.1 * np.eye(5)
 PAIRS = [(MotionKF, EnsembleKF), (MotionEKF, EnsembleEKF), (MotionUKF, EnsembleUKF)]
 SINGLES, ENSEMBLES = zip(*PAIRS, strict=True)
+SINGLES += (MotionSquareRootUKF,)
 TURN = LinearModel([[1, 0.1], [0, 1]], np.diag([1e-4, 1e-4]), 0.1, ("θ", "ω"), angles=(0,))
 
 

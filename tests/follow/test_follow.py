@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from trackhelpers.ensemble import EnsembleEKF, EnsembleKF
-from trackhelpers.filters import MatrixKF, MotionEKF, MotionKF, MotionUKF
+from trackhelpers.filters import MatrixKF, MotionEKF, MotionKF, MotionSquareRootUKF, MotionUKF
 from trackhelpers.follow import follow, smooth
 from trackhelpers.motion import CTRV, CV
 from trackhelpers.sensors import Lidar, LinearSensor, Position, Radar
@@ -13,7 +13,7 @@ MODEL = CV(0.5)
 SENSOR = Position(0.3, MODEL.state)
 STEPS = [0.1, 0.7, 0.0, 0.3, 2.0, 0.2, 0.5, 0.4]
 ZS = [*np.random.default_rng(0).normal(size=(4, 2)), None, *np.random.default_rng(1).normal(size=(3, 2))]
-SINGLES = [MotionKF, MotionEKF, MotionUKF]
+SINGLES = [MotionKF, MotionEKF, MotionUKF, MotionSquareRootUKF]
 
 
 @pytest.mark.parametrize("Filter", SINGLES)

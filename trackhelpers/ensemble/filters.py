@@ -10,10 +10,11 @@ A run that diverges or whose innovation covariance is no longer positive definit
 import numpy as np
 
 from trackhelpers import angles
-from trackhelpers.arrays import check_dt, cholesky
+from trackhelpers.arrays import check_dt, cholesky, matvec
 from trackhelpers.ensemble.base import QUIET, Ensemble
 from trackhelpers.ensemble.covariance import correct, gain, mirror, propagate
 from trackhelpers.filters.motion_ukf import check_known, check_sigma_points, warn_unknown
+from trackhelpers.manoeuvre import check_window
 
 
 class EnsembleEKF(Ensemble):
@@ -26,31 +27,37 @@ class EnsembleEKF(Ensemble):
         Initial estimates, SI units and rad.
     P0 : array_like, shape (n, n) or (n, n, M)
         Their covariance.
+    iterations : int
+        As for `MotionEKF`.
 
     Attributes
     ----------
     x (n, M), P (n, n, M) : state and covariance; y (m, M), S (m, m, M), K (n, m, M) : of the last update.
     """
 
-    def __init__(self, model, x0, P0):
+    def __init__(self, model, x0, P0, iterations=1):
         super().__init__(model, x0, P0)
+        self.iterations = check_window(iterations, "iterations")
         if self.P.ndim == 2:
             self.P = np.repeat(self.P[:, :, None], self.runs, axis=2)
 
     def predict(self, dt):
         """Predict over `dt` seconds, dt ≥ 0."""
-        dt = check_dt(dt)
-        with np.errstate(**QUIET):
-            x, transition, noise = self.model.linearised(self.x, dt)
-            self.P = propagate(self.P, transition, noise)
-        self.x = self.model._normalise(x)
+        self.x, self.P = _linearised(self, check_dt(dt))
 
     def _corrected(self, x, P, z, sensor, R):
         with np.errstate(**QUIET):
             z_hat, entries = sensor.linearised(x)
-            K, S, P = correct(P, entries, R)
+            K, S, corrected = correct(P, entries, R)
             y = sensor.residual(z, z_hat)
-            return self._moved(x, K, y), P, y, S, K
+            for _ in range(self.iterations - 1):
+                step = matvec(K, y)
+                z_hat, entries = sensor.linearised(x + step)
+                K, S, corrected = correct(P, entries, R)
+                y = sensor.residual(z, z_hat)  # of the sensor linearised there: z − h(xᵢ) − Hᵢ (x⁻ − xᵢ)
+                for (i, j), value in entries.items():
+                    y[i] += value * step[j]
+            return self._moved(x, K, y), corrected, y, S, K
 
 
 class EnsembleUKF(Ensemble):
@@ -82,6 +89,11 @@ class EnsembleUKF(Ensemble):
     def predict(self, dt):
         """Predict over `dt` seconds, dt ≥ 0."""
         dt = check_dt(dt)
+        # the transform of a linear model is F x and F P Fᵀ, which needs no points
+        self.x, self.P = _linearised(self, dt) if self.model.linear else self._transformed(dt)
+        warn_unknown(self.P, self.model)
+
+    def _transformed(self, dt):
         with np.errstate(**QUIET):
             Q = self.model.Q(self.x, dt)
             moved = self.model.f(self._sigma_points(self.x, self._displacements(self.P)), dt)
@@ -89,8 +101,7 @@ class EnsembleUKF(Ensemble):
             P = self._spread_about(moved, x)[0]
             P += Q
             mirror(P)
-        self.x, self.P = self.model._normalise(x), P
-        warn_unknown(P, self.model)
+        return self.model._normalise(x), P
 
     def _corrected(self, x, P, z, sensor, R):
         with np.errstate(**QUIET):
@@ -135,6 +146,14 @@ class EnsembleUKF(Ensemble):
         np.add(x[:, None], root, out=points[:, 1 : n + 1])
         np.subtract(x[:, None], root, out=points[:, n + 1 :])
         return points
+
+
+def _linearised(ens, dt):
+    """x and P of the runs after `dt` seconds by the model's F."""
+    with np.errstate(**QUIET):
+        x, transition, noise = ens.model.linearised(ens.x, dt)
+        P = propagate(ens.P, transition, noise)
+    return ens.model._normalise(x), P
 
 
 def _root(P):

@@ -60,23 +60,34 @@ class MotionUKF(OnModel, UnscentedKalmanFilter):
         """Predict over `dt` seconds, dt ≥ 0."""
         dt = check_dt(dt)
         self.Q = self.model.Q(self.x, dt)  # at the old x
+        self._predict(dt)
+        warn_unknown(self.P, self.model)
+
+    def _predict(self, dt):
         super().predict(dt=dt, UT=self._moments_of_state)
         self._drawn = self.x_prior, self.P_prior
-        warn_unknown(self.P, self.model)
+
+    def _points(self):
+        """Sigma points (2n + 1, n) about x."""
+        return self.points_fn.sigma_points(self.x, self.P)
 
     def compute_process_sigmas(self, dt, fx=None, **fx_args):
         """Draw the sigma points and take all of them through the model at once; called by filterpy's `predict`."""
-        drawn = self.points_fn.sigma_points(self.x, self.P)
-        self.sigmas_f = self.model.f(drawn.T, dt).T
-        self.sigmas_before = drawn
+        self.sigmas_before = self._points()
+        self.sigmas_f = self.model.f(self.sigmas_before.T, dt).T
+
+    def _about_state(self, sigmas):
+        """Mean of sigma points of the state, normalised, and their deviations from it, not wrapped."""
+        mean = self.Wm @ sigmas
+        deviation = sigmas - mean
+        return self.model._normalise(mean), deviation
 
     def _moments_of_state(self, sigmas, Wm, Wc, noise, mean_fn, residual_fn):
-        mean = Wm @ sigmas
-        deviation = sigmas - mean
+        mean, deviation = self._about_state(sigmas)
         self.cross = (
             Wc[:, None] * (self.sigmas_before - self.x)
         ).T @ deviation  # covariance of the state before and after the step, for smoothing
-        return self.model._normalise(mean), (Wc[:, None] * deviation).T @ deviation + noise
+        return mean, (Wc[:, None] * deviation).T @ deviation + noise
 
     @atomic
     def update(self, z, sensor=None, R=None):
@@ -85,22 +96,34 @@ class MotionUKF(OnModel, UnscentedKalmanFilter):
             self._no_measurement()
             return
         z, R = self._measurement(z, sensor, R)
-        if not (np.array_equal(self.x, self._drawn[0]) and np.array_equal(self.P, self._drawn[1])):
-            self.sigmas_f = self.points_fn.sigma_points(self.x, self.P)
-            self._drawn = self.x.copy(), self.P.copy()
-        points = sensor.h(self.sigmas_f.T).T  # of all at once; filterpy asks for one after the other
-        if not all_finite(points):
-            raise ValueError("sensor: h does not exist at a sigma point (NaN): the prior reaches beyond what the sensor can see")
-        seen = iter(points)
         self._dim_z, self.R, self._sensor, self.residual_z = sensor.m, R, sensor, sensor.residual
-        super().update(z, UT=self._moments_of_measurement, hx=lambda point: next(seen))
+        self._update(z)
         self._normalise_posterior()
         warn_unknown(self.P, self.model)
 
-    def _moments_of_measurement(self, sigmas, Wm, Wc, noise, mean_fn, residual_fn):
+    def _update(self, z):
+        if not (np.array_equal(self.x, self._drawn[0]) and np.array_equal(self.P, self._drawn[1])):
+            self.sigmas_f = self._points()
+            self._drawn = self.x.copy(), self.P.copy()
+        seen = iter(self._seen())  # of all points at once; filterpy asks for one after the other
+        super().update(z, UT=self._moments_of_measurement, hx=lambda point: next(seen))
+
+    def _seen(self):
+        """What the sensor measures at the sigma points, (2n + 1, m)."""
+        points = self._sensor.h(self.sigmas_f.T).T
+        if not all_finite(points):
+            raise ValueError("sensor: h does not exist at a sigma point (NaN): the prior reaches beyond what the sensor can see")
+        return points
+
+    def _about_measurement(self, sigmas):
+        """Mean of sigma points of the measurement, and their deviations from it, angles the short way round."""
         angular = self._sensor.angles
-        mean = _angles.mean(sigmas.T, Wm, angular) if angular else Wm @ sigmas
-        self._deviation = self._sensor.residual(sigmas.T, mean[:, None])
+        mean = _angles.mean(sigmas.T, self.Wm, angular) if angular else self.Wm @ sigmas
+        return mean, self._sensor.residual(sigmas.T, mean[:, None]).T
+
+    def _moments_of_measurement(self, sigmas, Wm, Wc, noise, mean_fn, residual_fn):
+        mean, deviation = self._about_measurement(sigmas)
+        self._deviation = deviation.T
         return mean, (Wc * self._deviation) @ self._deviation.T + noise
 
     def cross_variance(self, x, z, sigmas_f, sigmas_h):
