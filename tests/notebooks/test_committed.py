@@ -68,6 +68,14 @@ def test_pages_of_rows_are_in_step_with_the_ledger(ledger):
     assert stored == records.records(ledger, QUESTIONS), "run python -m trackhelpers.suite readme"
 
 
+def test_everything_that_the_space_paper_numbers_has_a_row(ledger):
+    """8 equations and 9 figures; the paper has no tables."""
+    where = rows_of(ledger, "4_space_tdoa")["where"]
+    together = " ".join(where)
+    assert not [k for k in range(1, 9) if f"({k})" not in together]
+    assert all(where.str.contains(f"Figure {k}(?!\\d)").any() for k in range(1, 10))
+
+
 @pytest.mark.parametrize("path", PAGES, ids=name)
 def test_marks_are_in_step_with_the_ledger(ledger, path):
     notebook = nbformat.read(path, as_version=4)

@@ -1,8 +1,11 @@
 """The README is filled in from the ledger."""
 
+import re
+
 import pytest
 
 from trackhelpers.ledger import read_ledger, summary_markdown
+from trackhelpers.suite import ROOT
 from trackhelpers.suite.readme import END, START, with_summary
 
 
@@ -19,3 +22,10 @@ def test_the_summary_goes_between_the_marks_only_and_is_then_in_step():
 def test_a_readme_without_its_marks_is_refused(text):
     with pytest.raises(ValueError, match="expected exactly one"):
         with_summary(text, read_ledger())
+
+
+def test_the_example_in_the_readme_runs():
+    (example,) = re.findall(r"```python\n(.*?)```", (ROOT / "README.md").read_text(encoding="utf-8"), flags=re.DOTALL)
+    names = {}
+    exec(example, names)
+    assert names["track"].x.shape == names["better"].x.shape == (5, 3)
