@@ -29,8 +29,9 @@ class SquareRootUKF(OneTarget, UnscentedKalmanFilter):
     x_mean_fn, z_mean_fn, residual_x, residual_z, state_add : callable, optional
         As in filterpy.
     form : {"qr", "cholupdate"}
-        The posterior factor: by one more QR, of [√Wc (δx − K δy), K √R], or by van der Merwe and Wan's downdates of the factor by the columns of K S_y, which cancel
-        where a measurement is far better than the prediction.
+        "qr": one QR of the joint factor of measurement and state, [√Wc δy, √Wc δx; √R, 0], gives S_y, K S_y and the posterior factor, which is that of
+        [√Wc (δx − K δy), K √R]; nothing is subtracted. "cholupdate": van der Merwe and Wan's downdates of the prior factor by the columns of K S_y, which cancel where a
+        measurement is far better than the prediction.
 
     Attributes
     ----------
@@ -50,7 +51,8 @@ class SquareRootUKF(OneTarget, UnscentedKalmanFilter):
     Notes
     -----
     A negative weight Wc₀ (alpha < 1 brings it) takes its point out of each factor by `cholupdate`. Then, and with form="cholupdate", P must be positive definite; with
-    form="qr" and Wc₀ ≥ 0 it may be semidefinite.
+    form="qr" and Wc₀ ≥ 0 it may be semidefinite. To compute K from P_xz, as van der Merwe and Wan do, squares what √Wc δx and √Wc δy hold: where S is singular up to
+    rounding a posterior factor that is built on such a K is positive definite and wrong, by whole orders of magnitude.
 
     References
     ----------
@@ -146,28 +148,32 @@ class SquareRootUKF(OneTarget, UnscentedKalmanFilter):
     def _correct(self, z, R, sigmas_h):
         """x, factor and all that belongs to an update, from the sigma points as the sensor sees them."""
         z_hat, deviation = self._about_measurement(sigmas_h)
-        noise = self._root(R, "R", self._dim_z)
-        S_y = self._weighted(deviation, noise)
-        self.S = S_y @ S_y.T
-        if (S_y.diagonal() <= 1e-14 * np.sqrt(self.S.diagonal())).any():
-            raise singular(self.S)
-        P_xz = self._displaced.T @ (self.Wc[:, None] * deviation)
+        S_y, U, factor = self._joint(deviation, R) if self.form == "qr" else self._in_turn(deviation, R)
         inverse = solve_lower(S_y, np.eye(self._dim_z))
-        U = solve_lower(S_y, P_xz.T).T  # = K S_y
-        self.K, self.SI = U @ inverse, inverse.T @ inverse
+        self.S, self.K, self.SI = S_y @ S_y.T, U @ inverse, inverse.T @ inverse
         self.y, self.z, self.sigmas_h = np.atleast_1d(self.residual_z(z, z_hat)), z.copy(), sigmas_h
-        if self.form == "qr":
-            self._keep(self._weighted(self._displaced - deviation @ self.K.T, self.K @ noise))
-        else:
-            factor = self.factor
-            for column in U.T:
-                factor = _downdated(factor, column)
-            self._keep(factor)
+        self._keep(factor)
         self.x = self.state_add(self.x, self.K @ self.y)
         self.x_post, self.P_post = self.x.copy(), self._P.copy()
         white = solve_lower(S_y, self.y)  # from the factor, for S may be too ill-conditioned
         self._mahalanobis, self._likelihood = sqrt(white @ white), None
         self._log_likelihood = -0.5 * (white @ white + len(white) * log(2 * pi)) - float(np.log(S_y.diagonal()).sum())
+
+    def _joint(self, deviation, R):
+        """Factor S_y of S, U = K S_y, and the posterior factor, from the factor [[S_y, 0], [U, L]] of the joint covariance of measurement and state."""
+        m = self._dim_z
+        noise = np.concatenate([self._root(R, "R", m), np.zeros((self._dim_x, m))])
+        joint = self._weighted(np.concatenate([deviation, self._displaced], axis=1), noise)
+        return _regular(joint[:m, :m]), joint[m:, :m], joint[m:, m:]
+
+    def _in_turn(self, deviation, R):
+        """The same, S_y by QR, U by a triangular solve, the posterior factor by downdates of the prior one."""
+        S_y = _regular(self._weighted(deviation, self._root(R, "R", self._dim_z)))
+        P_xz = self._displaced.T @ (self.Wc[:, None] * deviation)
+        U, factor = solve_lower(S_y, P_xz.T).T, self.factor
+        for column in U.T:
+            factor = _downdated(factor, column)
+        return S_y, U, factor
 
     def _points(self):
         """Sigma points (2n + 1, n) about x; `_displaced` are their displacements."""
@@ -197,6 +203,13 @@ def check_form(form):
     if form not in FORMS:
         raise ValueError(f"form: expected one of {FORMS}, got {form!r}")
     return form
+
+
+def _regular(S_y):
+    """S_y; ValueError where it is singular, also up to rounding."""
+    if (S_y.diagonal() <= 1e-14 * np.sqrt((S_y**2).sum(axis=1))).any():
+        raise singular(S_y @ S_y.T)
+    return S_y
 
 
 def _downdated(L, x):
