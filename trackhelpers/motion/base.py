@@ -114,8 +114,15 @@ class LinearMotion(MotionModel):
 
     linear = True
 
+    _latest = None, None  # the last step and the noise integrated over it
+
     def _f(self, x, dt, parts):
         return applied(self._F(x, dt, parts), x)
+
+    def _continuous(self, x, dt):
+        if self._latest[0] != dt:
+            self._latest = dt, super()._continuous(np.zeros(self.n), dt)
+        return self._latest[1]
 
     def _G_exact(self, x, dt, parts):
         return self._G(x, dt, parts)
