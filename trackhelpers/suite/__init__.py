@@ -17,6 +17,9 @@ LONGEST = (
     "3_augmented_bias/3_simulation.ipynb",
     "2_track_fusion/4_experiments.ipynb",
     "3_augmented_bias/0_introduction.ipynb",
+    "4_space_tdoa/4_simulation.ipynb",
+    "4_space_tdoa/4_simulation_beyond.ipynb",
+    "4_space_tdoa/3_initial_state.ipynb",
     "1_thesis/3_motion_models.ipynb",
 )
 
