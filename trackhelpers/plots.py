@@ -186,7 +186,7 @@ def flow(ax, boxes, arrows, fontsize=9.0):
         unknown = {start, end} - set(boxes)
         if unknown:
             raise ValueError(f"arrow {(start, end)} names {sorted(unknown)}, expected boxes out of {list(boxes)}")
-        text, bend = (*rest, "", 0.0)[:2] if len(rest) < 2 else rest
+        text, bend = (*rest, *("", 0.0)[len(rest) :])
         a, b = np.array(boxes[start][:2], dtype=float), np.array(boxes[end][:2], dtype=float)
         line = {
             "arrowstyle": "-|>",

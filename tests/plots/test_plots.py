@@ -94,7 +94,7 @@ def test_nees_plot_draws_the_band_the_mean_and_the_average(ax):
 
 def test_flow_draws_every_box_and_an_arrow_from_edge_to_edge(ax):
     boxes = {"predict": (0, 0, "predict"), "update": (3, 0, "update"), "z": (3, -1, "$z_k$")}
-    drawn = plots.flow(ax, boxes, [("predict", "update"), ("z", "update"), ("update", "predict", "k → k+1", 0.3)])
+    drawn = plots.flow(ax, boxes, [("predict", "update"), ("z", "update", "y"), ("update", "predict", "k → k+1", 0.3)])
     ax.figure.canvas.draw()
     assert {name: text.get_text() for name, text in drawn.items()} == {name: box[2] for name, box in boxes.items()}
     arrows = [text.arrow_patch for text in ax.texts if getattr(text, "arrow_patch", None)]
@@ -103,7 +103,7 @@ def test_flow_draws_every_box_and_an_arrow_from_edge_to_edge(ax):
     path = arrows[0].get_transform().transform(path.vertices[path.codes != path.CLOSEPOLY])
     start, end = (drawn[name].get_bbox_patch().get_window_extent() for name in ("predict", "update"))
     assert path[:, 0].min() >= start.x1 and path[:, 0].max() <= end.x0
-    assert "k → k+1" in [text.get_text() for text in ax.texts]
+    assert {"y", "k → k+1"} <= {text.get_text() for text in ax.texts}
     inside = ax.get_window_extent()
     assert all(inside.contains(*text.get_window_extent().get_points().mean(axis=0)) for text in drawn.values())
 
