@@ -18,7 +18,7 @@ LONGEST = (
     "2_track_fusion/4_experiments.ipynb",
     "3_augmented_bias/0_introduction.ipynb",
     "4_space_tdoa/4_simulation.ipynb",
-    "4_space_tdoa/4_simulation_beyond.ipynb",
+    "4_space_tdoa/4_starts_and_formations.ipynb",
     "4_space_tdoa/3_initial_state.ipynb",
     "1_thesis/3_motion_models.ipynb",
 )
