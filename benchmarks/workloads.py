@@ -13,7 +13,7 @@ import numpy as np
 from trackhelpers import compiled
 from trackhelpers.consistency import nees
 from trackhelpers.ensemble import EnsembleEKF, EnsembleKF, EnsembleUKF
-from trackhelpers.motion import CA, CTRV, CV
+from trackhelpers.motion import CA, CTRA, CTRV, CV
 from trackhelpers.motion.base import Model
 from trackhelpers.scenarios.thesis import lidar_radar
 from trackhelpers.sensors import Lidar, Position, Radar, Sensor
@@ -63,6 +63,15 @@ def ctrv_problem(runs, steps, rngs=None):
     x0 = track[:, :1] + deviation[:, None] * np.stack([rng.standard_normal(5) for rng in rngs], axis=-1)
     # the filter starts at the first sample; the second is the radar's
     return Problem(CTRV(2.0, 0.3), (Radar(), Lidar()), lidar_radar.T, track[:, 1:].copy(), zs[1:], x0, np.diag(deviation**2))
+
+
+def ctra_problem(runs, steps):
+    """The same target followed with an acceleration in the state, by the radar alone."""
+    problem = ctrv_problem(runs, 2 * steps)
+    zs, truth = problem.zs[::2], np.vstack([problem.truth[:, ::2], np.zeros(steps)])
+    x0, P0 = np.vstack([problem.x0, np.zeros((1, runs))]), np.diag([*np.diag(problem.P0), 0.25])
+    model = CTRA(1.0, 0.3)
+    return Problem(model, (Radar(state=model.state),), 2 * problem.T, truth, zs, x0, P0)
 
 
 def cv_problem(runs, steps):

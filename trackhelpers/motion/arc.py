@@ -118,7 +118,8 @@ def turned_moments(heading, rate, dt, order):
     u = unit(heading)
     if order == 1 and type(rate) is float and type(dt) is float:  # the commonest case in one breath: E₀ and E₁ of one number
         E0, E1 = _of_number(rate * dt, 1)
-        return u, [dt * u * E0, dt * dt * u * E1]
+        u_dt = u * dt
+        return u, [u_dt * E0, u_dt * dt * E1]
     return u, [dt ** (n + 1) * (u * E) for n, E in enumerate(turn_integrals(rate * dt, order))]
 
 

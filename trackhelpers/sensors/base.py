@@ -69,7 +69,8 @@ class Sensor:
         self.R = self._covariance(sigma, R)
         self.R.setflags(write=False)
         self.sigma = tuple(np.sqrt(np.diag(self.R)).tolist())
-        self._nought, self._same_H = np.zeros((self.m, len(self.state))), None  # a linear sensor's H is made once
+        self._nought = np.zeros((self.m, len(self.state)))
+        self._affine = None  # of a linear sensor H and h(0), made once
 
     def __repr__(self):
         return f"{type(self).__name__}(sigma={self.sigma}, state=({', '.join(self.state)}), names=({', '.join(self.names)}))"
@@ -101,10 +102,12 @@ class Sensor:
         """h and H in one go: what a filter of one target corrects with. Arguments and errors as for `h`."""
         x = check_array(x, "x", len(self.state))
         if self.linear and x.ndim == 1:
-            if self._same_H is None:
-                self._same_H = self.H(x)
-                self._same_H.setflags(write=False)
-            return filled(evaluate(lambda x: self._rows(x, self._parts(x)), x), len(self.names), x, "_h"), self._same_H
+            if self._affine is None:
+                origin = np.zeros(len(self.state))
+                self._affine = self.H(origin), self.h(origin)
+                self._affine[0].setflags(write=False)
+            H, constant = self._affine
+            return H.dot(x) + constant, H
         rows, entries = evaluate(self._hooks, x)
         return filled(rows, len(self.names), x, "_h"), dense(entries, self._nought, x)
 

@@ -88,7 +88,7 @@ class Radar(RangeBearing):
 
     def _parts(self, x):
         """x, y, ρ, v_x, v_y, and in the heading form cos θ and sin θ."""
-        px, py, rho = super()._parts(x)
+        px, py, rho = RangeBearing._parts(self, x)
         first, second = x[self._velocity[0]], x[self._velocity[1]]
         if not self._heading_form:
             return px, py, rho, first, second, None, None
