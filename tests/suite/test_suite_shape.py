@@ -60,3 +60,9 @@ def test_what_breaks_the_form_is_named(cells, words):
 def test_words_are_those_of_the_prose():
     text = "Two words $x + y$ and\n\n| a | table |\n| --- | --- |\n\n$$a = b$$\n\n```python\ncode = 1\n```\n[a link](../other/page.md) isn't <br> counted"
     assert shape.words(v4.new_notebook(cells=[v4.new_markdown_cell(text)])) == 7
+
+
+def test_text_between_two_tables_counts():
+    table = "| a b | c |\n|---|---|\n| d | e f |"
+    notebook = nbformat.v4.new_notebook(cells=[nbformat.v4.new_markdown_cell(f"{table}\n\nthree words here\n\n{table}\n\none < two, four > three")])
+    assert shape.words(notebook) == 7
