@@ -64,5 +64,7 @@ def test_words_are_those_of_the_prose():
 
 def test_text_between_two_tables_counts():
     table = "| a b | c |\n|---|---|\n| d | e f |"
-    notebook = nbformat.v4.new_notebook(cells=[nbformat.v4.new_markdown_cell(f"{table}\n\nthree words here\n\n{table}\n\none < two, four > three")])
+    notebook = nbformat.v4.new_notebook(
+        cells=[nbformat.v4.new_markdown_cell(f"{table}\n\nthree words here\n\n{table}\n\none < two, four > three")]
+    )
     assert shape.words(notebook) == 7

@@ -11,7 +11,9 @@ __all__ = ["faults", "statements", "words"]
 MOST_STATEMENTS, MEDIAN_STATEMENTS, LINE, MOST_WORDS = 15, 6, 82, 3800
 
 _LEDGER = re.compile(r"(?<![\w.])ledger\.")
-_NOT_WORDS = re.compile(r"```.*?```|\$\$.*?\$\$|\$[^$\n]+\$|^[ \t]*\|[^\n]*\|[ \t]*$|</?[a-zA-Z][^>\n]*>|\]\([^)]*\)", re.DOTALL | re.MULTILINE)
+_NOT_WORDS = re.compile(
+    r"```.*?```|\$\$.*?\$\$|\$[^$\n]+\$|^[ \t]*\|[^\n]*\|[ \t]*$|</?[a-zA-Z][^>\n]*>|\]\([^)]*\)", re.DOTALL | re.MULTILINE
+)
 
 
 def statements(source):
