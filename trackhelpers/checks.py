@@ -77,19 +77,16 @@ def check_angles(angles, n, name="angles"):
     return indices
 
 
-def check_covariance(value, name, n, runs=None, definite=False, checked=True):
+def check_covariance(value, name, n, runs=None, definite=False):
     """A copy of `value` as a covariance of shape (n, n), or (n, n, runs) where `runs` is given and the value has that axis.
 
     ValueError unless it is finite, symmetric, and positive semidefinite (`definite`: positive definite). What rounding may do is measured on the correlations,
     1e-9 of them, so that the verdict does not depend on units; a negative variance is never rounding, nor is a covariance with what has no variance.
-    ``checked=False`` leaves only the test of the shape, for showing what a wrong matrix does.
     """
     P = np.array(_floats(value, name, f"a covariance of shape ({n}, {n})"))
     shapes = [(n, n)] if runs is None else [(n, n), (n, n, runs)]
     if P.shape not in shapes:
         raise ValueError(f"{name}: expected shape {' or '.join(map(str, shapes))}, got {P.shape}")
-    if not checked:
-        return P
     if not all_finite(P):
         raise ValueError(f"{name}: expected finite numbers, got {np.count_nonzero(~np.isfinite(P))} that are not")
     variances = P.diagonal().T

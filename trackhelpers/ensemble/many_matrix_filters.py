@@ -4,17 +4,13 @@ from copy import copy
 
 import numpy as np
 
-from trackhelpers.arrays import all_finite, check_array, check_covariance, check_matrix, congruence, matmul, matvec
+from trackhelpers.arrays import all_finite, check_array, check_covariance, check_matrix, congruence, matvec
 from trackhelpers.consistency import nees
 from trackhelpers.ensemble.base import QUIET
-from trackhelpers.ensemble.covariance import correct, gain, propagate
+from trackhelpers.ensemble.covariance import correct, propagate
 from trackhelpers.filters.base import atomic
+from trackhelpers.hooks import entries_of
 from trackhelpers.manoeuvre import with_runs
-
-
-def entries(A):
-    """(i, j) -> number, the entries of A that are not zero."""
-    return {(int(i), int(j)): float(A[i, j]) for i, j in zip(*np.nonzero(A), strict=True)}
 
 
 class Matrices:
@@ -23,11 +19,11 @@ class Matrices:
     def __init__(self, F, H, Q, R):
         n = len(F)
         self.F, self.H, self.Q, self.R = F, H, Q, R
-        self._seen = entries(H)
+        self._seen = entries_of(H)
         self._transition = {(i, i): float(F[i, i]) for i in range(n) if F[i, i] != 1} | {
-            k: v for k, v in entries(F).items() if k[0] != k[1]
+            k: v for k, v in entries_of(F).items() if k[0] != k[1]
         }
-        self._noise = entries(np.tril(Q))
+        self._noise = entries_of(np.tril(Q))
 
     def predict(self, x, P):
         """F x and F P Fᵀ + Q for x (n, M) and P (n, n, M)."""
@@ -40,12 +36,9 @@ class Matrices:
     def correct(self, x, P, z, R):
         """x, P, y, S, K after the measurement z (m, M) with noise R, (m, m) or (m, m, M); NaN in a run whose S is not positive definite."""
         with np.errstate(**QUIET):
-            if R.ndim == 2:
-                K, S, P = correct(P, self._seen, R)
-            else:
-                PHt, S = matmul(P, self.H.T), self.innovation_covariance(P, R)
-                K = gain(PHt, S)
-                P = congruence(np.eye(len(P))[..., None] - matmul(K, self.H), P) + congruence(K, R)
+            if R.ndim == 3 and P.shape[2] == 1:  # a covariance that all runs shared so far
+                P = np.repeat(P, R.shape[2], axis=2)
+            K, S, P = correct(P, self._seen, R)
             y = z - self.H @ x
             return x + matvec(K, y), P, y, S, K
 
