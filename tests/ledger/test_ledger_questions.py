@@ -44,6 +44,40 @@ def test_rows_of_a_table_without_labels_are_counted_from_0(ask):
     assert questions_of("1_thesis", "2_kalman_filter")["a-question"].printed == published("thesis", 3).loc[2, "s_true"]
 
 
+CELLS = {"kind": '"table"', "where": '"Table 9"', "rule": '"cell"', "printed": '{ table = "thesis 9" }'}
+
+
+def test_cells_of_a_table_are_a_question_each(ask):
+    ask(table("t9", **CELLS, cells='{ vx-max = ["vx", "max"], y-rms = ["y", "RMSE"] }') + table())
+    questions = questions_of("1_thesis", "2_kalman_filter")
+    assert list(questions) == ["t9-vx-max", "t9-y-rms", "a-question"]
+    assert questions["t9-y-rms"].printed == published("thesis", 9).loc["y", "RMSE"]
+    assert questions["t9-y-rms"].where == "Table 9, y, RMSE"
+    assert questions["t9-y-rms"].asks == questions["t9-vx-max"].asks == "ratio"
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"cells": '["vx"]'}, "cells"),
+        ({"cells": '{ a = ["vx"] }'}, "cells"),
+        ({"cells": '{ a = ["vz", "max"] }'}, "printed"),
+        ({"cells": '{ A = ["vx", "max"] }'}, "id"),
+        ({"cells": '{ a = ["vx", "max"] }', "printed": '"1.0"'}, "printed"),
+    ],
+)
+def test_bad_cells_are_named(ask, changes, words):
+    ask(table("t9", **(CELLS | changes)))
+    with pytest.raises(ValueError, match=rf"1_thesis__2_kalman_filter\.toml: t9.*{words}.*expected"):
+        read_questions()
+
+
+def test_a_cell_and_a_question_of_one_id_are_refused(ask):
+    ask(table("t9", **CELLS, cells='{ vx-max = ["vx", "max"] }') + table("t9-vx-max"))
+    with pytest.raises(ValueError, match=r"t9-vx-max.*twice"):
+        read_questions()
+
+
 @pytest.mark.parametrize("rule", ["< 0.9", ">= 3", "== 6", "in [0, 1)", "in (0.9, 1.1)", "in [1, 1]", "> -1e-3", "equation", "beyond"])
 def test_rules_that_something_satisfies_are_taken(ask, rule):
     ask(table(rule=f'"{rule}"'))

@@ -113,7 +113,27 @@ def _read(path):
         raise ValueError(f"{path.name} is not TOML, or has an id twice: {error}") from None
     if not tables:
         raise ValueError(f"{path.name} asks nothing, expected at least one question")
-    return {id: _question(path, id, table) for id, table in tables.items()}
+    questions = [question for name, table in tables.items() for question in _expanded(path, name, table)]
+    twice = {question.id for question in questions if [other.id for other in questions].count(question.id) > 1}
+    if twice:
+        raise ValueError(f"{path.name} has the ids {sorted(twice)} twice, once from cells")
+    return {question.id: question for question in questions}
+
+
+def _expanded(path, name, table):
+    """Yield the questions of one table of the file: one, or with ``cells`` one a printed cell, which share every other field."""
+    if not isinstance(table, dict) or "cells" not in table:
+        yield _question(path, name, table)
+        return
+    cells, printed, shared = table["cells"], table.get("printed"), {field: value for field, value in table.items() if field != "cells"}
+    if not isinstance(cells, dict) or not all(isinstance(place, list) and len(place) == 2 for place in cells.values()):
+        raise ValueError(f"{path.name}: {name}: cells is {cells!r}, expected {{ end of the id = [row, column], … }}")
+    if not isinstance(printed, dict) or set(printed) != {"table"}:
+        raise ValueError(f"{path.name}: {name}: printed is {printed!r}, expected {{ table = … }} beside cells")
+    for end, (row, column) in cells.items():
+        label = f"row {row + 1}" if isinstance(row, int) else row
+        own = {"printed": printed | {"row": row, "column": column}, "where": f"{table.get('where', '')}, {label}, {column}"}
+        yield _question(path, f"{name}-{end}", shared | own)
 
 
 def _question(path, id, table):

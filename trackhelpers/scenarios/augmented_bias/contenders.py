@@ -46,6 +46,18 @@ ACCELERATING = CA(0.1, axes=2)  # the same increment as in 0.01 ΓΓᵀ
 CORRELATED = Singer(2.0, 20.0, axes=2)
 POSITION_VELOCITY = np.kron(np.eye(2), [[1.0, 0, 0], [0, 1, 0]])  # what is estimated, of a state with accelerations
 
+LOOK = {  # one colour and dash a method in all figures of the paper
+    "SKF": {"color": "#0072B2", "linestyle": "-"},
+    "STKF": {"color": "#D55E00", "linestyle": "--"},
+    "ABMA": {"color": "#009E73", "linestyle": "-"},
+    "CA": {"color": "#E69F00", "linestyle": "-."},
+    "Singer": {"color": "#CC79A7", "linestyle": ":"},
+    "IMM": {"color": "#882255", "linestyle": "-"},
+    "VDF": {"color": "#56B4E9", "linestyle": (0, (6, 2))},
+    "input estimation": {"color": "#332288", "linestyle": (0, (1, 1))},
+    "inflation": {"color": "#999933", "linestyle": (0, (4, 1, 1, 1, 1, 1))},
+}
+
 
 class Step(NamedTuple):
     """What a filter says after a measurement, over M runs."""
