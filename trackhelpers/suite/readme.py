@@ -5,7 +5,7 @@ import base64
 import nbformat
 
 from trackhelpers.ledger import read_ledger, summary_markdown
-from trackhelpers.suite import NOTEBOOKS, ROOT
+from trackhelpers.suite import NOTEBOOKS, ROOT, notebooks
 
 FIGURE = ROOT / "book" / "readme.png"
 START, END = "<!-- ledger:start -->", "<!-- ledger:end -->"
@@ -21,7 +21,7 @@ def tagged_figure(folder=NOTEBOOKS):
         When not exactly one figure is tagged.
     """
     found = []
-    for path in sorted(folder.rglob("*.ipynb")):
+    for path in notebooks(folder):
         for cell in nbformat.read(path, as_version=4).cells:
             if FIGURE_TAG in cell.metadata.get("tags", []):
                 found += [output.data["image/png"] for output in cell.outputs if "image/png" in output.get("data", {})]
