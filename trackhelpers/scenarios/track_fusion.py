@@ -1,29 +1,39 @@
-"""Paper 2's tracks and sensors, its measurements, and its filters run on them."""
+"""Paper 2, "Kalman filtering and track fusion": three tracks, pairs of sensors, what their filters believe, and how they start.
+
+The state is (x, vx, y, vy) in m and m/s, the layout of ``CV(axes=2)``; samples k = 0 … N−1 are T = 2 s apart. Time is the axis before the runs: truth (4, N)
+or (4, N, M), measurements (2, 2, N, M), sensor by component.
+"""
 
 import numpy as np
 
-from trackhelpers.arrays import check_array, check_covariance, check_scale
-from trackhelpers.consistency import nis
-from trackhelpers.ensemble import EnsembleKF, standard_normal
+from trackhelpers.arrays import congruence
+from trackhelpers.checks import check_array, check_covariance, check_scale
+from trackhelpers.ensemble import standard_normal
 from trackhelpers.motion import CV
-from trackhelpers.sensors import Position
+from trackhelpers.sensors import LinearSensor, Position
 
 T = 2.0  # s
 SIGMA_A = 0.2  # m/s², what the filters believe
 START = (1000.0, 12000.0)  # m
 TURN = slice(201, 301)  # steps k → k + 1 of the turning track that are accelerated: 402 s ≤ t < 602 s
 MODEL = CV(SIGMA_A, axes=2)
-FILTERS = ("sensor 1", "sensor 2", "centralised")
+F, Q = MODEL.F(np.zeros(4), T), MODEL.Q(np.zeros(4), T)
+H = np.array([[1.0, 0, 0, 0], [0, 0, 1, 0]])
 
+LOOK = {  # one colour and dash a method in all figures of the paper
+    "sensor 1": {"color": "#332288", "linestyle": (0, (1, 1))},
+    "sensor 2": {"color": "#882255", "linestyle": (0, (4, 1, 1, 1, 1, 1))},
+    "convex": {"color": "#0072B2", "linestyle": "-"},
+    "BSC": {"color": "#D55E00", "linestyle": "--"},
+    "CI": {"color": "#009E73", "linestyle": "-."},
+    "maximum likelihood": {"color": "#CC79A7", "linestyle": ":"},
+    "information": {"color": "#999933", "linestyle": (0, (6, 2))},
+    "centralised": {"color": "#E69F00", "linestyle": (0, (4, 1, 1, 1))},
+}
 
-class FullPosition(Position):
-    """A position sensor whose two components are correlated: R (2, 2), m², any positive definite covariance."""
-
-    def __init__(self, R, state=MODEL.state):
-        R = check_covariance(R, "R", 2, definite=True)
-        super().__init__(np.sqrt(np.diag(R)), state)
-        self.R = R
-        self.R.setflags(write=False)
+# The two-point start x̂(1) = LAST z(1) + FIRST z(0): the position measured last, the difference as velocity.
+LAST, FIRST = np.kron(np.eye(2), [[1], [1 / T]]), np.kron(np.eye(2), [[0], [-1 / T]])
+UNFORESEEN = np.kron(np.eye(2), [[0, 0], [1 / T, -1]])  # its error from the deviation of x(1) from F x(0)
 
 
 def position_pair(first, second):
@@ -33,7 +43,7 @@ def position_pair(first, second):
 
 PAIRS = {"A": position_pair(100.0, 150.0), "B": position_pair(100.0, 100.0), "C": position_pair((60.0, 150.0), (150.0, 60.0))}
 # Their R do not commute, so that P12 is not symmetric: the only kind of pair that shows an exchanged index.
-CROSSED = FullPosition(np.diag([60.0**2, 150.0**2])), FullPosition([[22500.0, 9000.0], [9000.0, 8100.0]])
+CROSSED = tuple(LinearSensor(H, R, MODEL.state) for R in (np.diag([60.0**2, 150.0**2]), np.array([[22500.0, 9000.0], [9000.0, 8100.0]])))
 
 
 def times(steps):
@@ -97,48 +107,25 @@ def simulate(rngs, truth, pair, sigma_a=0.0):
     return truth, np.stack([sensor.h(truth) + error for sensor, error in zip(pair, errors, strict=True)])
 
 
-def run(z, plan, x0=None):
-    """The three filters on the measurements of M runs.
+def two_points(R, Q=Q):
+    """Covariance of the two-point start, and the part of it that two sensors have in common.
+
+    x̂(1) = (z(1), (z(1) − z(0))/T) an axis. The covariance is [[R, R/T], [R/T, 2R/T² + qT²/4]] an axis; only qT²/4 on the velocity, the process noise between the
+    two points, is common.
 
     Parameters
     ----------
-    z : array_like, shape (2, 2, N, M)
-    plan : Design
-        Says how the filters start, what they believe and what the sensors are.
-    x0 : array_like, shape (4,)
-        x̂(0|0) where the plan starts from a prior.
+    R : array_like, shape (2, 2)
+        Of the position sensor, m².
+    Q : array_like, shape (4, 4)
+        Process noise covariance of a step; default that of `MODEL`.
 
     Returns
     -------
-    x : numpy.ndarray, shape (3, 4, N, M)
-        Estimates of `FILTERS`, NaN before the first one.
-    nis : numpy.ndarray, shape (2, N, M)
-        Normalised innovation squared of sensors 1 and 2 in their own filters, NaN up to the first estimate.
+    P, common : numpy.ndarray, shape (4, 4)
     """
-    z = np.asarray(z, dtype=float)
-    steps = plan.P.shape[-1]
-    if z.ndim != 4 or z.shape[:3] != (2, 2, steps):
-        raise ValueError(f"z: expected shape (2, 2, {steps}, M), got {z.shape}")
-    if (x0 is None) != (plan.first == 1):  # a prior at step 0, or two points that give the first estimate at step 1
-        raise ValueError(
-            f"x0: expected {'None' if plan.first else 'shape (4,)'} with a design whose first estimate is at step {plan.first}"
-        )
-    x, nis_of = np.full((3, 4, *z.shape[2:]), np.nan), np.full((2, *z.shape[2:]), np.nan)
-    seen = z[:, :, :2].reshape(4, 2, -1)
-    for i, sensors in enumerate(((0,), (1,), (0, 1))):
-        rows = slice(4 * i, 4 * i + 4)
-        start = plan.ahead[rows] @ seen[:, 1] + plan.behind[rows] @ seen[:, 0]
-        start = start if x0 is None else start + check_array(x0, "x0", 4, ())[:, None]
-        kf = EnsembleKF(plan.model, start, plan.P[i, ..., plan.first])
-        x[i, :, plan.first] = kf.x
-        for k in range(plan.first + 1, steps):
-            kf.predict(T)
-            for s in sensors:
-                kf.update(z[s, :, k], plan.pair[s])
-            x[i, :, k] = kf.x
-            if i < 2:
-                nis_of[i, k] = nis(kf.y, kf.S[..., 0])
-    return x, nis_of
+    R, common = check_covariance(R, "R", 2), congruence(UNFORESEEN, check_covariance(Q, "Q", 4))
+    return congruence(LAST, R) + congruence(FIRST, R) + common, common
 
 
 def _steps(steps):
