@@ -6,6 +6,7 @@ traced (a sensor that moves, a hook without arithmetic) is left to NumPy. The re
 """
 
 from functools import lru_cache
+from threading import RLock
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -13,7 +14,9 @@ import numpy as np
 from trackhelpers.kernels import Kernel, binding
 from trackhelpers.symbols import Symbol, Vector, choose, number, tracing, wrap
 
+MOST_STEPS = 16  # different ones of a model that cannot be traced for any dt at once; the further ones are left to NumPy
 _kept = WeakKeyDictionary()  # model or sensor -> what was traced of it
+_alone = RLock()
 
 
 # The algebra of `trackhelpers.ensemble.covariance` and `trackhelpers.arrays`, on matrices that are lists of rows of symbols.
@@ -122,7 +125,7 @@ def _traced(owner, key, build):
     """The kernel that `build` traces, kept with `owner`; None where it cannot be traced."""
     kept = _kept.setdefault(owner, {})
     if key not in kept:
-        with tracing():
+        with _alone, tracing():
             try:
                 outputs = build()
             except Exception:  # whatever a hook raises that wanted a number
@@ -161,7 +164,9 @@ def predict(model, x, P, dt):
     """x (n, M) and P (n, n, M) after dt seconds by the EKF's equations; None where this model cannot be traced, or there is no compiler."""
     if binding is None or not _plain(type(model), "_normalise", "_arguments"):
         return None
-    kernel = _traced(model, "any dt", lambda: _prediction(model, Symbol("dt"))) or _traced(model, dt, lambda: _prediction(model, float(dt)))
+    kernel = _traced(model, "any dt", lambda: _prediction(model, Symbol("dt")))
+    if kernel is None and (dt in _kept[model] or len(_kept[model]) <= MOST_STEPS):
+        kernel = _traced(model, dt, lambda: _prediction(model, float(dt)))
     return kernel and kernel(x.shape[1], x, P, dt=dt)
 
 

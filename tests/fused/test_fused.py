@@ -244,3 +244,11 @@ def test_the_algebra_on_entries_is_numpys():
             theirs = call()
         for a, b in zip(np.atleast_1d(ours) if isinstance(ours, np.ndarray) else ours, theirs, strict=True):
             np.testing.assert_allclose(a, b, rtol=1e-11, atol=1e-11)
+
+
+def test_steps_of_any_length_cost_no_trace_each():
+    model = Singer(1.0, 20.0)  # whose noise wants dt as a number
+    x, P = start(model, 9), np.repeat(np.eye(6)[..., None], 9, axis=2)
+    got = [fused.predict(model, x, P, 0.1 + 0.01 * k) is not None for k in range(20)]
+    assert got == [True] * fused.MOST_STEPS + [False] * (20 - fused.MOST_STEPS)
+    assert fused.predict(model, x, P, 0.1) is not None
