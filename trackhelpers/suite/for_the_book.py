@@ -1,0 +1,106 @@
+"""What the book adds to a notebook: prompts for what is folded, alt texts, a place to point at for every row, links from equation numbers, the language of Chinese words."""
+
+import re
+
+import nbformat
+
+__all__ = ["for_the_book", "plain"]
+
+_OWN_ROW = re.compile(r"\[[^\]\[]*\]\(\.\./results/([a-z0-9_]+?__[a-z0-9_]+)\.md#([a-z0-9-]+)")
+_CHINESE = re.compile(r"[\u3400-\u9fff\uff00-\uffef\u3000-\u303f]+")
+# Pieces of Markdown in which nothing is to be replaced: code, formulas, links, HTML, headings.
+_UNTOUCHED = re.compile(r"(```.*?```|`[^`]*`|\$\$.*?\$\$|\$[^$\n]+\$|!?\[[^\]]*\]\([^)]*\)|<[^>]+>|^#+ .*?$)", re.DOTALL | re.MULTILINE)
+
+
+def for_the_book(notebook, name="", places=None, rows=()):
+    """Make a notebook ready for the book, in place, and return it.
+
+    Parameters
+    ----------
+    notebook : nbformat.NotebookNode
+        As it is stored.
+    name : str
+        ``1_thesis/2_kalman_filter``.
+    places : dict, optional
+        (paper, "Equation", number) -> (notebook, id) of the row that settles it, as `trackhelpers.suite.ledger_page.places_of` gives it.
+    rows : sequence of str
+        Ids of the notebook's rows.
+    """
+    pointed = set()
+    for cell in notebook.cells:
+        if cell.cell_type == "markdown":
+            cell.source = with_chinese(with_equations(with_places(cell.source, name, pointed), name, places or {}))
+        options = {}
+        if "hide-cell" in cell.metadata.get("tags", []):
+            options |= {"code_prompt_show": "Bookkeeping", "code_prompt_hide": "Bookkeeping"}
+        captions = [output.data.get("text/markdown", "") for output in cell.get("outputs", []) if "data" in output]
+        captions = [plain(text) for text in captions if text.startswith("**Figure ")]
+        if captions:
+            options["image"] = {"alt": " ".join(captions)}
+        if options:
+            cell.metadata["mystnb"] = options
+    _point_at_answers(notebook, [id for id in rows if id not in pointed])
+    return notebook
+
+
+def with_places(text, name, pointed):
+    """Markdown with an anchor ``row-<id>`` before the first mark of each of the notebook's own rows; `pointed` collects the ids."""
+
+    def place(link):
+        page, id = link.groups()
+        if page != name.replace("/", "__", 1) or id in pointed:
+            return link[0]
+        pointed.add(id)
+        return f'<a id="row-{id}"></a>{link[0]}'
+
+    return _OWN_ROW.sub(place, text)
+
+
+def _point_at_answers(notebook, ids):
+    """Before the cells that answer questions, anchors of the rows that the text does not mention: each before the cell that writes most of its id."""
+    answering = [cell for cell in notebook.cells if cell.cell_type == "code" and "ledger." in cell.source] or notebook.cells[-1:]
+    before = {}
+    for id in ids:
+        written = {
+            cell.id: max((k for k in range(len(id) + 1) if re.search(r"[\"']" + re.escape(id[:k]), cell.source)), default=0)
+            for cell in answering
+        }
+        before.setdefault(max(reversed(answering), key=lambda cell: written[cell.id]).id, []).append(id)
+    cells = []
+    for cell in notebook.cells:
+        if cell.id in before:
+            anchors = "".join(f'<a id="row-{id}"></a>' for id in before[cell.id])
+            cells.append(nbformat.v4.new_markdown_cell(anchors, id=f"rows-{len(cells)}"))
+        cells.append(cell)
+    notebook.cells = cells
+
+
+def with_equations(text, name, places):
+    """Markdown in which a paper's equation number, (2.13), links to where the equation is settled."""
+    paper = name.split("/")[0]
+    known = {number: place for (of, kind, number), place in places.items() if of == paper and kind == "Equation"}
+    if not known:
+        return text
+    alternatives = "|".join(re.escape(each) for each in sorted(known, key=len, reverse=True))
+    number = re.compile(rf"\(({alternatives})\)")
+
+    def link(match):
+        notebook, id = known[match[1]]
+        page = "" if notebook == name else f"../{notebook}.html"
+        return f'<a href="{page}#row-{id}">{match[0]}</a>'
+
+    pieces = _UNTOUCHED.split(text)
+    return "".join(piece if i % 2 else re.sub(number, link, piece) for i, piece in enumerate(pieces))
+
+
+def with_chinese(text):
+    """Markdown in which Chinese words say their language."""
+    pieces = _UNTOUCHED.split(text)
+    return "".join(piece if i % 2 else _CHINESE.sub(r'<span lang="zh">\g<0></span>', piece) for i, piece in enumerate(pieces))
+
+
+def plain(markdown):
+    """Return a caption as it would be read aloud: no marks of emphasis, code or formulas, of a link its text."""
+    text = re.sub(r"\[([^\]]*)\]\([^)]*\)", r"\1", markdown)
+    text = re.sub(r"\*\*|[`$]", "", text)
+    return " ".join(re.sub(r"\*(\S(?:[^*]*\S)?)\*", r"\1", text).split())
