@@ -12,6 +12,7 @@ import nbformat
 
 from trackhelpers.ledger import read_ledger
 from trackhelpers.suite import FIRST_PAGE, NOTEBOOKS, ROOT, form, notebooks
+from trackhelpers.suite.api_page import GROUPS, api_pages, homes
 from trackhelpers.suite.for_the_book import for_the_book
 from trackhelpers.suite.ledger_page import by_number, ledger_page, places_of
 from trackhelpers.suite.run import run
@@ -57,12 +58,14 @@ def pages(executed, out):
     """Build the pages of the notebooks below `executed` into ``out/html`` and return the path of the first one."""
     source, html = out / "source", out / "html"
     shutil.copytree(executed, source)
+    chapters = {path.relative_to(source).with_suffix("").as_posix(): nbformat.read(path, as_version=4) for path in notebooks(source)}
     ledger = read_ledger(source / "results", source / "questions") if any((source / "results").glob("*__*.csv")) else None
     places = {} if ledger is None else places_of(ledger)
-    for path in notebooks(source):
-        name = path.relative_to(source).with_suffix("").as_posix()
+    for name, text in api_pages(chapters).items():
+        (source / name).write_text(text, encoding="utf-8")
+    for name, notebook in chapters.items():
         rows = () if ledger is None else ledger.loc[ledger["notebook"] == name, "id"]
-        form.write(for_the_book(nbformat.read(path, as_version=4), name, places, list(rows)), path)
+        form.write(for_the_book(notebook, name, places, list(rows), homes()), source / f"{name}.ipynb")
     if ledger is not None:
         (source / "ledger.md").write_text(ledger_page(ledger), encoding="utf-8")
         (source / "by_number.md").write_text(by_number(places), encoding="utf-8")
@@ -103,6 +106,7 @@ def contents(source):
         blocks.append("\n".join(["```{toctree}", ":hidden:", f":caption: {caption}", "", *names, "```"]))
     if (source / "ledger.md").exists():
         blocks.append("```{toctree}\n:hidden:\n:caption: To look things up\n\nledger\nby_number\n```")
+    blocks.append("\n".join(["```{toctree}", ":hidden:", ":caption: API reference", "", *GROUPS, "```"]))
     return "\n\n".join(blocks)
 
 

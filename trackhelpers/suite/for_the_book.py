@@ -12,7 +12,7 @@ _CHINESE = re.compile(r"[\u3400-\u9fff\uff00-\uffef\u3000-\u303f]+")
 _UNTOUCHED = re.compile(r"(```.*?```|`[^`]*`|\$\$.*?\$\$|\$[^$\n]+\$|!?\[[^\]]*\]\([^)]*\)|<[^>]+>|^#+ .*?$)", re.DOTALL | re.MULTILINE)
 
 
-def for_the_book(notebook, name="", places=None, rows=()):
+def for_the_book(notebook, name="", places=None, rows=(), homes=None):
     """Make a notebook ready for the book, in place, and return it.
 
     Parameters
@@ -25,11 +25,14 @@ def for_the_book(notebook, name="", places=None, rows=()):
         (paper, "Equation", number) -> (notebook, id) of the row that settles it, as `trackhelpers.suite.ledger_page.places_of` gives it.
     rows : sequence of str
         Ids of the notebook's rows.
+    homes : dict, optional
+        Name of a class or function -> (page, full name) in the API reference, as `trackhelpers.suite.api_page.homes` gives it.
     """
-    pointed = set()
+    pointed, named = set(), set()
     for cell in notebook.cells:
         if cell.cell_type == "markdown":
             cell.source = with_chinese(with_equations(with_places(cell.source, name, pointed), name, places or {}))
+            cell.source = with_reference(cell.source, name, homes or {}, named)
         options = {}
         if "hide-cell" in cell.metadata.get("tags", []):
             options |= {"code_prompt_show": "Bookkeeping", "code_prompt_hide": "Bookkeeping"}
@@ -91,6 +94,20 @@ def with_equations(text, name, places):
 
     pieces = _UNTOUCHED.split(text)
     return "".join(piece if i % 2 else re.sub(number, link, piece) for i, piece in enumerate(pieces))
+
+
+def with_reference(text, name, homes, named):
+    """Markdown in which the first `MotionEKF` of a notebook leads to the API reference; `named` collects the names."""
+
+    def link(match):
+        if match[1] not in homes or match[1] in named:
+            return match[0]
+        named.add(match[1])
+        page, full = homes[match[1]]
+        return f'<a href="{"../" if "/" in name else ""}{page}.html#{full}">{match[0]}</a>'
+
+    pieces = re.split(r"(```.*?```|\$\$.*?\$\$|!?\[[^\]]*\]\([^)]*\)|^#+ .*?$|^\|.*?$)", text, flags=re.DOTALL | re.MULTILINE)
+    return "".join(piece if i % 2 else re.sub(r"`([A-Za-z]\w*)`", link, piece) for i, piece in enumerate(pieces))
 
 
 def with_chinese(text):
