@@ -58,12 +58,13 @@ def test_an_empty_ledger_is_not_written(folders, monkeypatch):
     assert not folders[0].exists()
 
 
-def test_without_the_variable_the_notebooks_folder_of_the_repository_is_meant(tmp_path, monkeypatch):
+def test_without_the_variable_who_plays_writes_beside_the_committed_ledger(tmp_path, monkeypatch):
     monkeypatch.delenv("TRACKHELPERS_RESULTS", raising=False)
     monkeypatch.setattr(files, "__file__", str(tmp_path / "site-packages" / "trackhelpers" / "ledger" / "files.py"))
     (tmp_path / "clone" / "notebooks" / "1_thesis").mkdir(parents=True)
     monkeypatch.chdir(tmp_path / "clone" / "notebooks" / "1_thesis")
-    assert files.results_folder() == tmp_path / "clone" / "notebooks" / "results"
+    assert files.results_folder() == tmp_path / "clone" / "build" / "results"
+    assert files.committed_folder() == tmp_path / "clone" / "notebooks" / "results"
     monkeypatch.chdir(tmp_path)
     with pytest.raises(FileNotFoundError, match="TRACKHELPERS_RESULTS"):
         files.results_folder()

@@ -54,9 +54,12 @@ def committed_folder():
 
 
 def results_folder():
-    """Return the folder that notebooks write to: ``TRACKHELPERS_RESULTS`` where that is set, else `committed_folder`."""
+    """Return the folder that notebooks write to: ``TRACKHELPERS_RESULTS``, which the suite's runner sets, else ``build/results`` beside the notebooks.
+
+    Who runs a notebook by hand, to play with it, does not change the committed ledger.
+    """
     folder = os.environ.get("TRACKHELPERS_RESULTS")
-    return Path(folder) if folder else committed_folder()
+    return Path(folder) if folder else committed_folder().parents[1] / "build" / "results"
 
 
 def write_csv(frame, path):
