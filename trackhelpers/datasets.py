@@ -90,7 +90,7 @@ def _available(name, folder):  # `folder` is part of the key alone: another fold
 
 
 def _source(name):
-    if name not in SOURCES:
+    if not isinstance(name, str) or name not in SOURCES:
         raise ValueError(f"name={name!r} is not a known data set, expected one of {sorted(SOURCES)}")
     return SOURCES[name]
 

@@ -58,6 +58,8 @@ class Ledger(Rows):
         name = f"{self.paper}__{self.notebook}"
         if self.questions is None:
             raise ValueError(f"{name} has no file of questions, expected notebooks/questions/{name}.toml, or rows by cell, claim and so on")
+        if not isinstance(answers, dict):
+            raise ValueError(f"answers is {answers!r}, expected a dict of id -> answer")
         rows = {}
         for id, answer in answers.items():
             if id not in self.questions:

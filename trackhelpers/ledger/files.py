@@ -6,6 +6,8 @@ from pathlib import Path
 
 import pandas as pd
 
+from ..checks import check_scale
+
 __all__ = [
     "ANSWER_COLUMNS",
     "COLUMNS",
@@ -85,7 +87,9 @@ def read_csv(path):
 
 
 def summary(ledger):
-    """Return the number of rows by notebook (rows) and verdict (columns, the last one ``total``) of a ledger as `read_ledger` gives it."""
+    """Return the number of rows by notebook (rows) and verdict (columns, the last one ``total``) of a ledger as `read_ledger` gives it; ValueError for another table."""
+    if not isinstance(ledger, pd.DataFrame) or not {"notebook", "verdict"} <= set(ledger.columns):
+        raise ValueError(f"ledger is {ledger!r}, expected a table as read_ledger gives it")
     counts = pd.crosstab(ledger["notebook"], ledger["verdict"])
     unknown = set(counts.columns) - set(VERDICTS)
     if unknown:
@@ -117,6 +121,7 @@ def compare(folder_a, folder_b, exclude=(), rtol=2e-5, atol=1e-9):
     exclude : collection of str
         Notebooks, written ``1_thesis/4_3_public_log``, that may be missing in either folder.
     """
+    rtol, atol = check_scale(rtol, "rtol"), check_scale(atol, "atol")
     files = [{path.name: path for path in Path(folder).glob("*__*.csv")} for folder in (folder_a, folder_b)]
     differences = []
     for name in sorted(files[0] | files[1]):

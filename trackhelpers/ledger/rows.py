@@ -10,9 +10,17 @@ from ..published import last_digit
 from ..tables import Table
 from .files import COLUMNS, KINDS, VERDICTS, results_folder, write_csv
 from .numbers import checked_draws, enough_digits, finite, percentile_note, short, shown
-from .rules import EQUATION_TOLERANCE, agrees, conditions, holds
+from .rules import EQUATION_TOLERANCE, agrees, conditions, holds, satisfiable
 
 __all__ = ["Rows", "bears_out"]
+
+
+def _half_unit(id, paper):
+    """Half a unit of the last digit of what is printed; ValueError where that is no number."""
+    try:
+        return last_digit(paper)
+    except ValueError:
+        raise ValueError(f"paper of row {id!r} is {paper!r}, expected a finite number as it was printed, for example '5.27E+00'") from None
 
 
 def _satisfied(row):
@@ -90,7 +98,7 @@ class Rows:
     def cell(self, id, where, quantity, paper, ours, tolerance=None, *, assumption="", erratum="", note=""):
         """Add a deterministic cell of a table: reproduced when `ours` agrees with the printed string `paper` within `tolerance`, half a
         unit of its last digit unless given."""
-        half_unit = last_digit(paper)  # raises for what is not a printed number
+        half_unit = _half_unit(id, paper)
         tolerance = half_unit if tolerance is None else finite(id, "tolerance", tolerance)
         if tolerance <= 0:
             raise ValueError(f"tolerance of row {id!r} is {tolerance!r}, expected a positive number")
@@ -100,7 +108,7 @@ class Rows:
         """Add a cell that depends on a noise draw: reproduced when the printed value lies in the central 95 % of `draws` (M,), one value
         a run, M ≥ 40. `ours` is the median; the note gives the percentile of the printed value."""
         draws = checked_draws(id, draws)
-        last_digit(paper)  # raises for what is not a printed number
+        _half_unit(id, paper)
         value = float(paper.replace("−", "-"))
         low, ours, high = np.quantile(draws, [0.025, 0.5, 0.975])
         note = "; ".join(filter(None, [percentile_note(draws, value), note]))
@@ -155,8 +163,10 @@ class Rows:
         return Table(table, caption=f"Ledger of {self.paper}/{self.notebook}", index=False)
 
     def _inequality(self, kind, id, where, quantity, paper, ours, low, high, assumption, erratum, note):
-        if not isinstance(paper, str) or conditions(paper) is None:
-            raise ValueError(f"paper of row {id!r} is {paper!r}, expected an inequality such as '> 0', '<= 1', '== 6' or 'in [0, 1]'")
+        if not isinstance(paper, str) or not satisfiable(paper):
+            raise ValueError(
+                f"paper of row {id!r} is {paper!r}, expected an inequality that some number satisfies, such as '> 0', '<= 1' or 'in [0, 1]'"
+            )
         return self._judge(kind, id, where, quantity, paper, self._numbers(id, ours, low, high), assumption, erratum, note)
 
     @staticmethod
@@ -165,8 +175,8 @@ class Rows:
             raise ValueError(f"low, high of row {id!r} are {low!r}, {high!r}, expected both or neither")
         numbers = {"ours": ours} | ({} if low is None else {"low": low, "high": high})
         numbers = {name: finite(id, name, value) for name, value in numbers.items()}
-        if low is not None and low > high:
-            raise ValueError(f"low, high of row {id!r} are {low!r}, {high!r}, expected low ≤ high")
+        if low is not None and not numbers["low"] <= numbers["ours"] <= numbers["high"]:
+            raise ValueError(f"ours, low, high of row {id!r} are {ours!r}, {low!r}, {high!r}, expected low ≤ ours ≤ high")
         return numbers
 
     def _judge(self, kind, id, where, quantity, paper, numbers, assumption, erratum, note, digits=6):
@@ -186,7 +196,7 @@ class Rows:
         return self._add(verdict, id, kind, where, quantity, paper, stored, "; ".join(filter(None, [assumption, erratum, note])))
 
     def _add(self, verdict, id, kind, where, quantity, paper, numbers, note):
-        if kind not in KINDS:
+        if not isinstance(kind, str) or kind not in KINDS:
             raise ValueError(f"kind of row {id!r} is {kind!r}, expected one of {KINDS}")
         for name, text in (("id", id), ("where", where), ("quantity", quantity)):
             if not isinstance(text, str) or not text.strip() or "\n" in text:
