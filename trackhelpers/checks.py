@@ -101,6 +101,8 @@ def check_numbers(value, name, wanted="numbers, an array of any shape"):
 def check_together(wanted="one number, or arrays of one length", **values):
     """Float arrays of any shape that broadcast against each other, in the order of the arguments; ValueError where they don't."""
     arrays = [check_numbers(value, name) for name, value in values.items()]
+    if len({array.shape for array in arrays}) == 1:
+        return arrays
     try:
         np.broadcast_shapes(*(array.shape for array in arrays))
     except ValueError:
@@ -163,6 +165,12 @@ def check_lengths(numbers=(), **values):
 
 def check_angles(angles, n, name="angles"):
     """Indices of the angular ones among n components as a tuple; ValueError unless they are whole numbers from 0 to n − 1."""
+    if type(angles) is tuple:  # at a glance, or closely
+        for i in angles:
+            if type(i) is not int or not 0 <= i < n:
+                break
+        else:
+            return angles
     try:
         indices = tuple(-1 if isinstance(i, (bool, np.bool_)) else operator.index(i) for i in angles)
     except TypeError:

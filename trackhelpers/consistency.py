@@ -46,16 +46,18 @@ def nees(x_true, x, P, angles=()):
     """
     x = check_array(x, "x", None)
     x_true = check_array(x_true, "x_true", len(x))
-    if (
-        0 in x.shape
-        or x.ndim > 2
-        or x_true.ndim > 2
-        or (x.ndim == x_true.ndim == 2 and 1 not in (x.shape[1], x_true.shape[1]) and x.shape != x_true.shape)
-    ):
-        raise ValueError(f"x_true, x: expected shapes (n,) or (n, M), got {x_true.shape} and {x.shape}")
+    shapes = x_true.shape, x.shape
+    if shapes[0] != shapes[1] or x.ndim != 1 or not len(x):
+        most = max(map(len, shapes))
+        if (
+            0 in x.shape
+            or most > 2
+            or (len(shapes[0]) == len(shapes[1]) and shapes[0] != shapes[1] and 1 not in (shapes[0][1], shapes[1][1]))
+        ):
+            raise ValueError(f"x_true, x: expected shapes (n,) or (n, M), got {x_true.shape} and {x.shape}")
     if x_true.ndim == 1 and x.ndim == 2:
         x_true = x_true[:, None]
-    return _normalised(_angles.residual(x_true, x, check_angles(angles, len(x))), P, "P")
+    return _normalised(_angles.wrap_rows(x_true - x, check_angles(angles, len(x))), P, "P")
 
 
 def nis(y, S):
