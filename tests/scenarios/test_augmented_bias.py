@@ -138,3 +138,11 @@ def test_the_fading_matrix_is_that_of_the_identity():
         first = (linear.F @ P[..., k] @ linear.F.T)[:4, :4]
         P_X = readings.blocks(P[..., k])[0]
         np.testing.assert_allclose(readings.fading_matrix(P[..., k], c.F) @ c.F @ P_X @ c.F.T, first, atol=1e-10)
+
+
+def test_scores_without_consistency_have_the_same_errors_and_no_nees():
+    cast = [c.augmented(), c.strong_tracking(), c.interacting()]
+    whole, quick = (runs.score(cast, 20, 3, consistency=consistency) for consistency in (True, False))
+    for name, each in quick.items():
+        np.testing.assert_allclose(each.by_run, whole[name].by_run, rtol=1e-12)
+        assert np.isnan(each.nees).all() and np.isnan(each.nis).all()
