@@ -48,7 +48,7 @@ lock: $(READY)  ## resolve pyproject.toml's ranges into environment.txt anew (UP
 	@echo "environment.txt is written; the next make installs it."
 
 UPGRADE ?= --upgrade
-EXTRAS := $(foreach extra,fast lab book test bench,--extra $(extra))  # not the peers of the benchmarks, which are large
+EXTRAS := $(foreach extra,fast lab book test bench lock,--extra $(extra))  # not the peers of the benchmarks, which are large
 
 bench: $(READY)  ## measure speed
 	@$(RUN) -m benchmarks
