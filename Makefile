@@ -4,7 +4,12 @@
 PYTHON ?= python3
 RUN := .venv/bin/python
 READY := .venv/.ok
+# A copied checkout works on itself, whichever one its .venv was made for.
+export PYTHONPATH := $(CURDIR)
 NBVAL := --nbval --nbval-sanitize-with=tests/nbval_sanitize.cfg --nbval-cell-timeout=3600 --nbval-kernel-startup-timeout=600
+
+# A .venv whose Python is gone is made anew.
+$(shell test -x $(RUN) || rm -f $(READY))
 
 .DEFAULT_GOAL := help
 .PHONY: help book lab test refresh lock bench clean
@@ -26,7 +31,7 @@ book: $(READY)  ## run every notebook afresh and build the web book, which needs
 	@$(RUN) -m trackhelpers.suite book
 
 lab: $(READY)  ## open the notebooks in JupyterLab (LAB= takes its options, --no-browser for one)
-	@$(RUN) -m jupyterlab --notebook-dir=notebooks $(LAB)
+	@$(RUN) -m trackhelpers.suite lab $(LAB)
 
 test: $(READY)  ## lint code and notebooks, run the unit tests (TESTS= takes pytest's options), compare every notebook's outputs with a fresh run
 	$(RUN) -m ruff check .

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from threadpoolctl import threadpool_info
 
 from benchmarks.climit import NotAvailable, compiler
-from trackhelpers import compiled
+from trackhelpers import fused
 from trackhelpers.plots import COLOURS
 
 NAMES = {
@@ -41,7 +41,7 @@ def machine():
     if info.exists():
         cpu = next((line.split(":", 1)[1].strip() for line in info.read_text().splitlines() if line.startswith("model name")), cpu)
     found = np.show_config(mode="dicts").get("SIMD Extensions", {}).get("found", [])
-    numba = f"numba {version('numba')}" if compiled.njit else "no numba"
+    numba = f"numba {version('numba')}" if fused.binding else "no numba"
     lines = [
         f"{cpu}, {os.cpu_count()} cores, {platform.system()}",
         f"Python {platform.python_version()}, NumPy {np.__version__} ({found[-1] if found else 'its baseline'}), {numba}, one thread",

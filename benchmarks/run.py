@@ -14,7 +14,7 @@ from benchmarks import report, workloads
 from benchmarks.climit import NotAvailable, c_loop, compiler
 from benchmarks.peers import by_hand, loops, simd, stone_soup
 from benchmarks.timing import interleaved
-from trackhelpers import angles, compiled
+from trackhelpers import angles, fused
 from trackhelpers.ensemble import monte_carlo
 
 TOLERANCE = 1e-9  # in x, P and NEES, SI units and rad: the filters are the same, only the order of the operations differs
@@ -99,7 +99,7 @@ def reason_to_skip(label):
     package = {"Stone Soup": "stonesoup", "simdkalman": "simdkalman"}.get(label)
     if package is not None and importlib.util.find_spec(package) is None:
         return f"the package {package} is not installed"
-    if label == "NumPy alone" and compiled.njit is None:
+    if label == "NumPy alone" and fused.binding is None:
         return "numba is not there, so the ensemble is NumPy alone"
     if label == "C":
         try:

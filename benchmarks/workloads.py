@@ -10,7 +10,7 @@ from unittest.mock import patch
 
 import numpy as np
 
-from trackhelpers import compiled
+from trackhelpers import fused
 from trackhelpers.consistency import nees
 from trackhelpers.ensemble import EnsembleEKF, EnsembleKF, EnsembleUKF
 from trackhelpers.motion import CA, CTRA, CTRV, CV
@@ -126,7 +126,7 @@ def numpy_alone(contender):
         call = contender(problem)
 
         def run():
-            with patch.object(compiled, "serves", lambda P: False):
+            with patch.object(fused, "binding", None):
                 return call()
 
         return run

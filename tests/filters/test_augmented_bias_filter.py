@@ -50,6 +50,18 @@ def test_reading_4_is_the_plain_filter_with_more_noise():
     np.testing.assert_allclose(estimates(abma(reading="R4"), data()), plain, atol=1e-10)
 
 
+@pytest.mark.parametrize("Q_bias", [Q_BIAS, np.kron(np.eye(2), [[0.03, 0.005], [0.005, 0.01]])])
+def test_reading_1_is_friedlands_bias_that_starts_with_the_uncertainty_of_a_step(Q_bias):
+    zs = data()
+    np.testing.assert_allclose(estimates(abma(Q_bias), zs), estimates(abma(Q_bias, "R3", P_bias0=Q_bias), zs), rtol=1e-9, atol=1e-10)
+
+
+@pytest.mark.parametrize(("reading", "rank"), [("R1", 6), ("R2", 6), ("R2 uncorrected", 6), ("R3", 6), ("R4", 4)])
+def test_what_a_reading_can_observe(reading, rank):
+    A = augmented_matrices(F, H, Q, Q_BIAS, reading)
+    assert np.linalg.matrix_rank(np.vstack([A.H @ np.linalg.matrix_power(A.F, k) for k in range(8)])) == rank
+
+
 def test_a_bias_of_velocity_alone_makes_readings_1_and_2_one_and_a_constant_acceleration_filter():
     """E4"""
     q = 0.02

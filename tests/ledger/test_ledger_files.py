@@ -10,6 +10,7 @@ from trackhelpers.ledger.reading import EXTRA_COLUMNS
 
 def write(folder, monkeypatch, notebook="2_kalman_filter", ours=1.0, note="", residual=2e-16, ids=("cell", "equation")):
     monkeypatch.setenv("TRACKHELPERS_RESULTS", str(folder))
+    monkeypatch.setenv("TRACKHELPERS_QUESTIONS", str(folder / "none"))
     ledger = Ledger("1_thesis", notebook)
     ledger.cell(ids[0], "Table 9", "RMSE, x", "1.0", ours, note=note)
     ledger.equation(ids[1], "(2.11)", "gain", residual)
@@ -58,12 +59,13 @@ def test_an_empty_ledger_is_not_written(folders, monkeypatch):
     assert not folders[0].exists()
 
 
-def test_without_the_variable_the_notebooks_folder_of_the_repository_is_meant(tmp_path, monkeypatch):
+def test_without_the_variable_who_plays_writes_beside_the_committed_ledger(tmp_path, monkeypatch):
     monkeypatch.delenv("TRACKHELPERS_RESULTS", raising=False)
     monkeypatch.setattr(files, "__file__", str(tmp_path / "site-packages" / "trackhelpers" / "ledger" / "files.py"))
     (tmp_path / "clone" / "notebooks" / "1_thesis").mkdir(parents=True)
     monkeypatch.chdir(tmp_path / "clone" / "notebooks" / "1_thesis")
-    assert files.results_folder() == tmp_path / "clone" / "notebooks" / "results"
+    assert files.results_folder() == tmp_path / "clone" / "build" / "results"
+    assert files.committed_folder() == tmp_path / "clone" / "notebooks" / "results"
     monkeypatch.chdir(tmp_path)
     with pytest.raises(FileNotFoundError, match="TRACKHELPERS_RESULTS"):
         files.results_folder()

@@ -79,7 +79,7 @@ def test_everything_that_the_space_paper_numbers_has_a_row(ledger):
 @pytest.mark.parametrize("path", PAGES, ids=name)
 def test_marks_are_in_step_with_the_ledger(ledger, path):
     notebook = nbformat.read(path, as_version=4)
-    assert not records.mark(notebook, records.verdicts_of(ledger, QUESTIONS), name(path)), "run python -m trackhelpers.suite readme"
+    assert not records.mark(notebook, records.rows_of(ledger, QUESTIONS), name(path)), "run python -m trackhelpers.suite readme"
 
 
 def test_notebooks_that_answer_questions_have_their_form():
@@ -159,7 +159,7 @@ def test_start_page_links_to_every_chapter():
 
 def test_readme_is_in_step_with_the_ledger(ledger):
     text = (ROOT / "README.md").read_text(encoding="utf-8")
-    assert readme.with_summary(text, ledger) == text, "run python -m trackhelpers.suite readme"
+    assert readme.in_step(text, ledger, QUESTIONS) == text, "run python -m trackhelpers.suite readme"
 
 
 def test_readme_shows_the_figure_that_the_notebook_stores():

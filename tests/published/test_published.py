@@ -3,10 +3,13 @@
 import re
 from itertools import pairwise
 
+import nbformat
 import pandas as pd
 import pytest
 
 from trackhelpers.published import PAPERS, last_digit, published, tables_of
+from trackhelpers.published.augmented_bias import equations
+from trackhelpers.suite import NOTEBOOKS
 
 SHAPES = {1: (5, 2), 2: (3, 2), 3: (13, 6), 4: (1, 3), 5: (9, 5), 7: (6, 4), 8: (6, 4), 9: (4, 4)}
 PRINTED_NUMBER = re.compile(r"-?\d+(\.\d+)?(E[+-]\d\d)?")
@@ -138,3 +141,12 @@ def test_last_digit_refuses_what_is_not_a_printed_number(text):
 
 def test_published_gives_a_plain_frame():
     assert type(published("thesis", 4)) is pd.DataFrame
+
+
+def test_all_31_equations_of_the_augmented_bias_paper_are_there_and_the_chapter_shows_their_fragments():
+    table = equations()
+    assert list(table.index) == list(range(1, 32))
+    assert list(table.columns) == ["fragment", "reading"] and (table != "").all(axis=None)
+    chapter = nbformat.read(NOTEBOOKS / "3_augmented_bias" / "2_augmented_filter.ipynb", as_version=4)
+    text = "\n".join(cell.source for cell in chapter.cells if cell.cell_type == "markdown")
+    assert not [n for n, fragment in table["fragment"].items() if f"| ({n}) | `{fragment}`" not in text]

@@ -6,7 +6,7 @@ import pytest
 from trackhelpers import exact
 from trackhelpers.published import published
 from trackhelpers.scenarios.augmented_bias import contenders as c
-from trackhelpers.scenarios.augmented_bias import readings, runs, target
+from trackhelpers.scenarios.augmented_bias import runs, target
 
 
 def test_the_segments_are_those_of_table_1():
@@ -121,20 +121,3 @@ def test_settling_is_counted_from_the_change_to_the_last_sample_outside():
     assert runs.settling_time(bias, 1.0, 2, 7) == 3
     assert runs.settling_time(bias, 10.0, 2, 7) == 0
     assert runs.settling_time(bias, 1.0, 2, 4) == 3
-
-
-@pytest.mark.parametrize(("reading", "rank"), [("R1", 6), ("R2", 6), ("R2 uncorrected", 6), ("R3", 6), ("R4", 4)])
-def test_what_each_reading_can_observe(reading, rank):
-    linear = c.augmented(reading=reading)
-    matrix, found, unseen = readings.observability(linear.F, linear.H)
-    assert found == rank and unseen.shape == (8, 8 - rank)
-    np.testing.assert_allclose(matrix @ unseen, 0, atol=1e-12)
-
-
-def test_the_fading_matrix_is_that_of_the_identity():
-    linear = c.augmented()
-    _, P = c.gains(linear, 60)
-    for k in (1, 5, 60):
-        first = (linear.F @ P[..., k] @ linear.F.T)[:4, :4]
-        P_X = readings.blocks(P[..., k])[0]
-        np.testing.assert_allclose(readings.fading_matrix(P[..., k], c.F) @ c.F @ P_X @ c.F.T, first, atol=1e-10)

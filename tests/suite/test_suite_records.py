@@ -68,7 +68,7 @@ def folder(store):
 
 
 def test_marks_are_filled_from_the_verdicts_and_other_links_are_left_alone():
-    asked = {"1_one/1_first": {"gain": "reproduced under an assumption", "better": "undecided", "max": None}}
+    asked = {"1_one/1_first": {"gain": {"verdict": "reproduced under an assumption"}, "better": {"verdict": "undecided"}, "max": None}}
     done = marked(TEXT, asked, "1_one/1_first")
     assert done == (
         f"The gain [✓ under an assumption]({ROWS}#gain), better [~ undecided]({ROWS}#better), [?]({ROWS}#max), "
@@ -80,7 +80,7 @@ def test_marks_are_filled_from_the_verdicts_and_other_links_are_left_alone():
 @pytest.mark.parametrize("link", ["../results/1_one__1_first.md#gian", "../results/1_one__2_second.md#gain"])
 def test_a_mark_of_a_row_that_is_not_asked_names_notebook_and_id(link):
     with pytest.raises(ValueError, match=rf"notebook 1_one/3_third links to the row '{link.split('#')[1]}'"):
-        marked(f"see [?]({link})", {"1_one/1_first": {"gain": "reproduced"}}, "1_one/3_third")
+        marked(f"see [?]({link})", {"1_one/1_first": {"gain": {"verdict": "reproduced"}}}, "1_one/3_third")
 
 
 def test_every_mark_can_be_the_text_of_a_link():
@@ -129,7 +129,7 @@ def test_questions_asked_and_not_answered_have_no_page_and_an_open_mark(folder):
     questions = read_questions(folder / "questions")
     ledger = read_ledger(folder / "results", folder / "questions")
     assert list(records.records(ledger, questions)) == ["1_one__1_first.md"]
-    asked = records.verdicts_of(ledger, questions)
+    asked = records.rows_of(ledger, questions)
     assert marked("[?](../results/1_one__2_second.md#gain)", asked, "n") == "[?](../results/1_one__2_second.md#gain)"
 
 
@@ -148,3 +148,16 @@ def test_the_book_leads_from_a_mark_and_from_the_ledger_s_table_to_the_row(folde
         assert rows.count(f'id="{id}"') == 1
     assert re.search(r'href="\.\./results/1_one__1_first\.html"', page)
     assert 'href="../1_one/1_first.html"' in rows and "orphan" not in rows
+
+
+def test_a_number_in_the_text_is_the_row_s_own(folder):
+    records.write(folder)
+    asked = records.rows_of(read_ledger(folder / "results", folder / "questions"), read_questions(folder / "questions"))
+    link = f'{ROWS}#better "{{}}"'
+    text = "; ".join(f"[{old}]({link.format(end)})" for old, end in (("?", "ours"), ("0.1", "ours"), ("3.00", "low"), ("9 %", "high")))
+    new = marked(text, asked, "n")
+    assert re.findall(r"\[(.*?)\]", new) == ["0.5", "0.5", "0.40", "100 %"]
+    assert marked(new, asked, "n") == new and new.count(ROWS) == 4
+    assert "[0.5](notebooks/results/" in marked('[1.0](notebooks/results/1_one__1_first.md#better "ours")', asked, "README")
+    with pytest.raises(ValueError, match=r"'low' of the row 'gain'"):
+        marked(f'[1]({ROWS}#gain "low")', asked, "n")

@@ -68,7 +68,7 @@ class Ledger(Rows):
         self.answers |= rows
 
     def write(self):
-        """Write the ledger to ``<paper>__<notebook>.csv`` in the results folder (``TRACKHELPERS_RESULTS``, else ``notebooks/results``) and return the table to show.
+        """Write the ledger to ``<paper>__<notebook>.csv`` in the results folder (``TRACKHELPERS_RESULTS``, else ``build/results``) and return the table to show.
 
         Raises
         ------

@@ -54,9 +54,12 @@ def committed_folder():
 
 
 def results_folder():
-    """Return the folder that notebooks write to: ``TRACKHELPERS_RESULTS`` where that is set, else `committed_folder`."""
+    """Return the folder that notebooks write to: ``TRACKHELPERS_RESULTS``, which the suite's runner sets, else ``build/results`` beside the notebooks.
+
+    Who runs a notebook by hand, to play with it, does not change the committed ledger.
+    """
     folder = os.environ.get("TRACKHELPERS_RESULTS")
-    return Path(folder) if folder else committed_folder()
+    return Path(folder) if folder else committed_folder().parents[1] / "build" / "results"
 
 
 def write_csv(frame, path):
@@ -105,7 +108,7 @@ def summary_markdown(ledger):
 def compare(folder_a, folder_b, exclude=(), rtol=2e-5, atol=1e-9):
     """Return the differences between two folders of ledger files, a line of text each.
 
-    Numbers differ when |a − b| > atol + rtol·|a|; `rtol` forgives a flip of the sixth digit that is stored, `atol` lets the residuals of equations be what rounding makes them. Other columns are
+    Numbers differ when ``|a − b| > atol + rtol·|a|``; `rtol` forgives a flip of the sixth digit that is stored, `atol` lets the residuals of equations be what rounding makes them. Other columns are
     compared as text.
 
     Parameters

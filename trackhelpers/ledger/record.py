@@ -7,35 +7,53 @@ from .verdicts import MARKS
 
 __all__ = ["marked", "record"]
 
-_LINK = re.compile(r"\[[^\]\[]*\](\(\.\./results/([a-z0-9_]+?)__([a-z0-9_]+)\.md#([^)\s]+)\))")
+_LINK = re.compile(r"\[([^\]\[]*)\](\((?:\.\./|notebooks/)results/([a-z0-9_]+?)__([a-z0-9_]+)\.md#([^)\s]+?)(?: \"(ours|low|high)\")?\))")
 
 
 def marked(text, asked, notebook):
-    """Return Markdown with the text of each link to a row replaced by the mark of the row's verdict.
+    """Return Markdown with the text of each link to a row replaced by the mark of the row's verdict, or by its number.
 
     Parameters
     ----------
     text : str
-        ``[?](../results/1_thesis__2_kalman_filter.md#gain)`` becomes ``[✓ reproduced](…)``; no other link is touched.
+        ``[?](../results/1_thesis__2_kalman_filter.md#gain)`` becomes ``[✓ reproduced](…)``, and ``[0.6](….md#gain "ours")`` our number with the decimals that stand there already
+        (``"low"`` and ``"high"`` the ends of its interval, and what ends in % is a share); no other link is touched.
     asked : mapping
-        Notebook (``1_thesis/2_kalman_filter``) -> id -> verdict, or None for a question not answered yet, whose link shows "?".
+        Notebook (``1_thesis/2_kalman_filter``) -> id -> row of the ledger, a mapping, or None for a question not answered yet, whose link shows "?".
     notebook : str
         The notebook that holds the text, for the message.
 
     Raises
     ------
     ValueError
-        For a link to a row that is not asked; it names notebook and id.
+        For a link to a row that is not asked, or to a number that it does not have; it names notebook and id.
     """
 
     def mark(link):
-        target, paper, name, id = link.groups()
+        shown, target, paper, name, id, number = link.groups()
         rows = asked.get(f"{paper}/{name}", {})
         if id not in rows:
             raise ValueError(f"notebook {notebook} links to the row {id!r} of {paper}/{name}, expected one out of {list(rows)}")
-        return f"[{MARKS.get(rows[id], '?')}]{target}"
+        row = rows[id]
+        if row is None:
+            return f"[?]{target}"
+        if number is None:
+            return f"[{MARKS[row['verdict']]}]{target}"
+        if not row[number]:
+            raise ValueError(f"notebook {notebook} links to the number {number!r} of the row {id!r} of {paper}/{name}, which has none")
+        return f"[{_as_shown(shown, float(row[number]))}]{target}"
 
     return _LINK.sub(mark, text)
+
+
+def _as_shown(shown, value):
+    """A value with the decimals of the text that stands there, or four digits where none does."""
+    share = shown.endswith("%")
+    if not re.search(r"\d", shown):
+        return short(str(value))
+    decimals = len(re.sub(r"[^\d.]", "", shown).partition(".")[2])
+    text = f"{100 * value if share else value:.{decimals}f}".replace("-", "−")
+    return text + (" %" if share else "")
 
 
 def record(name, questions, rows):

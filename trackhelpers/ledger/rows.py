@@ -138,7 +138,7 @@ class Rows:
     def write(self):
         """Write the rows to ``<paper>__<notebook>.csv`` in the results folder and return the table to show.
 
-        The folder is ``TRACKHELPERS_RESULTS`` where that is set, else ``notebooks/results``. Numbers have six significant digits,
+        The folder is ``TRACKHELPERS_RESULTS`` where that is set, else ``build/results``. Numbers have six significant digits,
         residuals of equations one, and more only where the verdict would not follow from fewer.
         """
         if not self.rows:

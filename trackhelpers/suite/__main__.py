@@ -1,11 +1,23 @@
-"""Command line of the suite: ``python -m trackhelpers.suite refresh [notebook …]``, ``… readme`` and ``… book``."""
+"""Command line of the suite: ``python -m trackhelpers.suite refresh [notebook …]``, ``… readme``, ``… book`` and ``… lab``."""
 
 import argparse
 import sys
 from pathlib import Path
 
-from trackhelpers.suite import NOTEBOOKS, book, notebooks, readme, records
+from trackhelpers.suite import NOTEBOOKS, ROOT, book, lab, notebooks, readme, records
 from trackhelpers.suite.run import NotebookError, run
+
+
+def check_checkout(here):
+    """Say which checkout is worked on; FileNotFoundError where the package is not in one, or not in the one that `here` lies in."""
+    inside = next((folder for folder in (here, *here.parents) if (folder / "trackhelpers" / "suite").is_dir()), ROOT)
+    if inside.resolve() != ROOT:
+        raise FileNotFoundError(
+            f"this is the checkout {inside}, but the package comes from {ROOT}: use make here, or set PYTHONPATH={inside}"
+        )
+    if not NOTEBOOKS.is_dir():
+        raise FileNotFoundError(f"the package is installed in {ROOT}, without the notebooks: call this in a checkout of the project")
+    print(f"Working on {ROOT}")
 
 
 def main(arguments=None):
@@ -16,19 +28,25 @@ def main(arguments=None):
     refresh.add_argument("notebook", nargs="*", type=Path, help="notebooks to run (all of them if none is named)")
     commands.add_parser("readme", help="bring the README, the marks and the pages of rows in step with the stored ledger")
     commands.add_parser("book", help="run every notebook afresh and build the web book")
-    options = parser.parse_args(arguments)
+    commands.add_parser("lab", help="open the notebooks in JupyterLab, and store what is saved there in the project's form", add_help=False)
+    options, more = parser.parse_known_args(arguments)
+    if more and options.command != "lab":
+        parser.error(f"unrecognised: {' '.join(more)}")
     try:
+        check_checkout(Path.cwd())
         if options.command == "book":
             print(f"The book is built, open {book.build()}")
         elif options.command == "readme":
             records.write()
             readme.write()
+        elif options.command == "lab":
+            return lab.serve(more)
         else:
             named = [path.resolve() for path in options.notebook]
             for path in named:
                 if not path.is_relative_to(NOTEBOOKS):
                     parser.error(f"{path} does not lie below {NOTEBOOKS}")
-            run(named or notebooks(), lambda path: path)
+            run(named or notebooks(), lambda path: path, results=NOTEBOOKS / "results")
             records.write()
             if not named:
                 readme.write()

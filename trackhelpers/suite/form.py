@@ -14,7 +14,8 @@ METADATA = {
     "kernelspec": {"display_name": "Python 3", "language": "python", "name": "python3"},
     "language_info": {"file_extension": ".py", "mimetype": "text/x-python", "name": "python", "pygments_lexer": "ipython3"},
 }
-VOLATILE = ("ExecuteTime", "collapsed", "execution", "scrolled", "trusted")
+KEPT = ("tags",)  # of a cell's metadata; the rest is what some editor remembers
+FOLDED = {"hide-cell", "hide-input"}  # tags of cells whose source JupyterLab hides too
 ADDRESS = re.compile(r"\bat 0x[0-9A-Fa-f]+")
 COLOURS = (
     128  # in a stored figure: no eye tells it from the drawn one, and it takes a third of the bytes, in every version that history keeps
@@ -26,23 +27,25 @@ WIDGET = "application/vnd.jupyter.widget-view+json"
 def normalise(notebook):
     """Bring an executed notebook into the stored form, in place, and return it.
 
-    Cell ids, tags and outputs stay; figures are stored with a palette. Execution times, widget views (their ids are random), the addresses in ``<object at 0x…>`` and
-    everything in the notebook's metadata but kernel and language go; execution counts run from 1.
+    Cell ids, tags and outputs stay; figures are stored with a palette. Execution times, what editors remember of a cell, widget views (their ids are random), the addresses in
+    ``<object at 0x…>`` and everything in the notebook's metadata but kernel and language go; execution counts run from 1, and what is folded by its tag is folded in JupyterLab.
     """
     notebook.metadata = nbformat.from_dict(METADATA)
     code = [cell for cell in notebook.cells if cell.cell_type == "code"]
     for cell in notebook.cells:
-        for name in VOLATILE:
-            cell.metadata.pop(name, None)
+        for name in set(cell.metadata) - set(KEPT):
+            del cell.metadata[name]
+        if FOLDED & set(cell.metadata.get("tags", [])):
+            cell.metadata["jupyter"] = nbformat.from_dict({"source_hidden": True})
     for count, cell in enumerate(code, start=1):
         cell.execution_count = count
+        cell.outputs = [output for output in cell.outputs if WIDGET not in output.get("data", {})]
         for output in cell.outputs:
             if output.output_type == "execute_result":
                 output.execution_count = count
             if output.output_type == "stream":
                 output.text = ADDRESS.sub("at 0x0", output.text)
             data = output.get("data", {})
-            data.pop(WIDGET, None)
             for kind in [k for k in data if k.startswith("text/")]:
                 data[kind] = ADDRESS.sub("at 0x0", data[kind])
             if "image/png" in data:

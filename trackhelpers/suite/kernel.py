@@ -22,22 +22,24 @@ del warnings, category
 
 ENVIRONMENT = {
     "MPLBACKEND": "module://matplotlib_inline.backend_inline",
-    "OMP_NUM_THREADS": "1",  # two notebooks run at a time
+    "OMP_NUM_THREADS": "1",  # two notebooks run at a time; and matrices as small as ours wait for threads more than they gain
     "OPENBLAS_NUM_THREADS": "1",
     "PYTHONHASHSEED": "0",
-    "TQDM_DISABLE": "1",  # a progress bar in stored output would never repeat
 }
+QUIET = {"TQDM_DISABLE": "1"}  # a progress bar in stored output would never repeat
 
 # No history, which two kernels would share, and no remark on talking unencrypted, which stays on this machine.
 ARGUMENTS = ["--HistoryManager.enabled=False", "--IPKernelApp.log_level=ERROR"]
 
 
 @contextmanager
-def strict_kernels(results=None):
+def strict_kernels(results=None, live=False):
     """Make ``python3`` mean the strict kernel wherever this process, or a child of it, starts a kernel.
 
     Parameters
     ----------
+    live : bool
+        For somebody who looks on: a warning is no error, and progress is shown; all that decides the outputs is the same.
     results : path or None
         Folder the notebooks' ledgers go to (TRACKHELPERS_RESULTS); None leaves the variable as it is.
     """
@@ -45,9 +47,10 @@ def strict_kernels(results=None):
         folder = Path(folder)
         profile = folder / "ipython" / "profile_default" / "startup"
         profile.mkdir(parents=True)
-        (profile / "00-warnings.py").write_text(STARTUP, encoding="utf-8")
+        if not live:
+            (profile / "00-warnings.py").write_text(STARTUP, encoding="utf-8")
         (folder / "matplotlibrc").touch()
-        env = ENVIRONMENT | {"IPYTHONDIR": str(folder / "ipython"), "MATPLOTLIBRC": str(folder / "matplotlibrc")}
+        env = ENVIRONMENT | ({} if live else QUIET) | {"IPYTHONDIR": str(folder / "ipython"), "MATPLOTLIBRC": str(folder / "matplotlibrc")}
         # argv names sys.executable in full, so no kernel registered elsewhere is taken, and a space in its path does no harm.
         write_kernel_spec(folder / "kernels" / "python3", overrides={"env": env}, extra_arguments=ARGUMENTS)
         changed = {"JUPYTER_PATH": os.pathsep.join(filter(None, [str(folder), os.environ.get("JUPYTER_PATH")]))}

@@ -1,11 +1,13 @@
-"""The README's generated parts: the summary of the ledger between its two marks, and one figure taken from a notebook."""
+"""The README's generated parts: the summary of the ledger between its two marks, the numbers that link to a row, and one figure taken from a notebook."""
 
 import base64
 
 import nbformat
 
-from trackhelpers.ledger import read_ledger, summary_markdown
-from trackhelpers.suite import NOTEBOOKS, ROOT
+from trackhelpers.ledger import read_ledger, read_questions, summary_markdown
+from trackhelpers.ledger.record import marked
+from trackhelpers.suite import NOTEBOOKS, ROOT, notebooks
+from trackhelpers.suite.records import rows_of
 
 FIGURE = ROOT / "book" / "readme.png"
 START, END = "<!-- ledger:start -->", "<!-- ledger:end -->"
@@ -21,7 +23,7 @@ def tagged_figure(folder=NOTEBOOKS):
         When not exactly one figure is tagged.
     """
     found = []
-    for path in sorted(folder.rglob("*.ipynb")):
+    for path in notebooks(folder):
         for cell in nbformat.read(path, as_version=4).cells:
             if FIGURE_TAG in cell.metadata.get("tags", []):
                 found += [output.data["image/png"] for output in cell.outputs if "image/png" in output.get("data", {})]
@@ -45,8 +47,13 @@ def with_summary(text, ledger):
     return f"{before}{START}\n\n{summary_markdown(ledger)}\n{END}{after}"
 
 
+def in_step(text, ledger, questions):
+    """Return a README's `text` as the ledger has it: summary, marks and numbers."""
+    return marked(with_summary(text, ledger), rows_of(ledger, questions), "README")
+
+
 def write():
     """Bring README.md and its figure in step with what is committed."""
     readme = ROOT / "README.md"
-    readme.write_text(with_summary(readme.read_text(encoding="utf-8"), read_ledger()), encoding="utf-8", newline="\n")
+    readme.write_text(in_step(readme.read_text(encoding="utf-8"), read_ledger(), read_questions()), encoding="utf-8", newline="\n")
     FIGURE.write_bytes(tagged_figure())

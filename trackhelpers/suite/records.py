@@ -28,9 +28,9 @@ def write_records(folder, ledger, questions):
         (Path(folder) / name).write_text(text, encoding="utf-8", newline="\n")
 
 
-def verdicts_of(ledger, questions):
-    """Return notebook -> id -> verdict of all that is asked, None where it is not answered yet."""
-    found = {(row["notebook"], row["id"]): row["verdict"] for row in ledger.to_dict("records")}
+def rows_of(ledger, questions):
+    """Return notebook -> id -> row of all that is asked, None where it is not answered yet."""
+    found = {(row["notebook"], row["id"]): row for row in ledger.to_dict("records")}
     return {
         name: {id: found.get((name, id)) for id, question in asked.items() if not question.withdrawn} for name, asked in questions.items()
     }
@@ -50,7 +50,7 @@ def write(folder=NOTEBOOKS):
     folder = Path(folder)
     ledger, questions = read_ledger(folder / "results", folder / "questions"), read_questions(folder / "questions")
     write_records(folder / "results", ledger, questions)
-    asked = verdicts_of(ledger, questions)
+    asked = rows_of(ledger, questions)
     for path in notebooks(folder):
         notebook = nbformat.read(path, as_version=4)
         if mark(notebook, asked, path.relative_to(folder).with_suffix("").as_posix()):

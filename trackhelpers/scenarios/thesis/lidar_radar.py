@@ -5,8 +5,9 @@ Along a track the samples are the second axis, so that a single run is (n, N) an
 
 import numpy as np
 
-from trackhelpers.arrays import check_array, check_scale
+from trackhelpers.arrays import check_array
 from trackhelpers.ensemble import standard_normal
+from trackhelpers.follow import follow
 from trackhelpers.motion import CTRV
 from trackhelpers.sensors import Lidar, Radar
 
@@ -19,7 +20,6 @@ START = (0.6, 0.6)  # m
 HEADING = np.pi / 4
 SIGMA_A, SIGMA_W = 2.0, 0.3  # m/s², rad/s²: the filter's process noise
 COMPONENTS = ("x", "y", "vx", "vy")  # what Tables 7, 8 and 9 print
-FIGURES = ("RMSE", "max", "min", "mean")  # columns of Table 9
 
 
 def truth(steps=STEPS):
@@ -57,7 +57,7 @@ def sensor_at(k, lidar, radar):
     return lidar if k % 2 else radar
 
 
-def measurements(rngs, lidar=None, radar=None, track=None, noise_scale=1.0):
+def measurements(rngs, lidar=None, radar=None, track=None):
     """Measurements of the whole track for a set of runs, each component with a noise of its own.
 
     Parameters
@@ -68,8 +68,6 @@ def measurements(rngs, lidar=None, radar=None, track=None, noise_scale=1.0):
         Default: ``Lidar(0.15)`` and ``Radar((0.3, 0.03, 0.3))``.
     track : numpy.ndarray, shape (5, N), optional
         Default: `truth()`.
-    noise_scale : float
-        Factor on the noise that is drawn, the sensors' R unchanged.
 
     Returns
     -------
@@ -77,8 +75,7 @@ def measurements(rngs, lidar=None, radar=None, track=None, noise_scale=1.0):
         Entry k−1 is the measurement at sample k: shape (2, M) at odd k, (3, M) at even k.
     """
     track = truth() if track is None else track
-    scale = check_scale(noise_scale, "noise_scale")
-    return measure(scale * standard_normal(rngs, (track.shape[1], 3)), lidar, radar, track)
+    return measure(standard_normal(rngs, (track.shape[1], 3)), lidar, radar, track)
 
 
 def measure(noise, lidar=None, radar=None, track=None):
@@ -98,56 +95,14 @@ def measure(noise, lidar=None, radar=None, track=None):
     lidar = Lidar() if lidar is None else lidar
     radar = Radar() if radar is None else radar
     track = truth() if track is None else track
+    noise = np.asarray(noise, dtype=float)
+    if noise.ndim != 3 or noise.shape[1] != 3 or len(noise) > track.shape[1]:
+        raise ValueError(f"noise: expected shape (N, 3, M) with N ≤ {track.shape[1]} samples, got {noise.shape}")
     zs = []
-    for k, sample in enumerate(_noise(noise, 3, track), start=1):
+    for k, sample in enumerate(noise, start=1):
         sensor = sensor_at(k, lidar, radar)
         zs.append(sensor.h(track[:, k - 1])[:, None] + np.asarray(sensor.sigma)[:, None] * sample[: sensor.m])
     return zs
-
-
-def position_noise_measurements(rngs, sigma=0.2, track=None, radar=None):
-    """Measurements of the whole track that differ from the true ones by an error of the *position* alone, the same for both sensors.
-
-    This is how the thesis's own measurements seem to have been made: the lidar reports the erroneous position, the radar's range, bearing and range rate are
-    those of a target that stands there and moves with the true velocity.
-
-    Parameters
-    ----------
-    rngs : sequence of numpy.random.Generator
-        One a run; each draws its run's noise in one block.
-    sigma : float
-        Standard deviation of the position's noise in each coordinate, m.
-    track : numpy.ndarray, shape (5, N), optional
-        Default: `truth()`.
-    radar : trackhelpers.sensors.Sensor, optional
-        Whose h is taken; default: `Radar`'s.
-
-    Returns
-    -------
-    list of numpy.ndarray
-        As of `measurements`.
-    """
-    track = truth() if track is None else track
-    return measure_displaced(check_scale(sigma, "sigma") * standard_normal(rngs, (track.shape[1], 2)), track, radar)
-
-
-def measure_displaced(noise, track=None, radar=None):
-    """`position_noise_measurements` with a given noise (N, 2, M) in m."""
-    track = truth() if track is None else track
-    lidar, radar = Lidar(), Radar() if radar is None else radar
-    zs = []
-    for k, sample in enumerate(_noise(noise, 2, track), start=1):
-        x = np.repeat(track[:, k - 1, None], sample.shape[1], axis=1)
-        x[:2] += sample
-        zs.append(sensor_at(k, lidar, radar).h(x))
-    return zs
-
-
-def _noise(noise, width, track):
-    noise = np.asarray(noise, dtype=float)
-    if noise.ndim != 3 or noise.shape[1] != width or len(noise) > track.shape[1]:
-        raise ValueError(f"noise: expected shape (N, {width}, M) with N ≤ {track.shape[1]} samples, got {noise.shape}")
-    return noise
 
 
 def start(filter, z, model=None, P0=None):
@@ -169,8 +124,10 @@ def start(filter, z, model=None, P0=None):
     return filter(CTRV(SIGMA_A, SIGMA_W) if model is None else model, x0, np.eye(5) if P0 is None else P0)
 
 
-def steps(kf, zs, lidar=None, radar=None, reuse_first=True, dt=T):
+def steps(kf, zs, lidar=None, radar=None):
     """Feed a filter from `start` the measurements one by one; yield the sample number k after each.
+
+    The first measurement, which gives the start, is used once more, after a prediction over 0 s, as the thesis's program did.
 
     Parameters
     ----------
@@ -179,23 +136,17 @@ def steps(kf, zs, lidar=None, radar=None, reuse_first=True, dt=T):
         Measurement at k = 1, 2, …: (m,) for one target, (m, M) for runs; None is a missing one.
     lidar, radar : trackhelpers.sensors.Sensor
         Default: ``Lidar(0.15)`` and ``Radar((0.3, 0.03, 0.3))``.
-    reuse_first : bool
-        Whether the first measurement, which gives the start, is also used as a measurement, after a prediction over 0 s.
-    dt : float
-        Time from one measurement to the next, s.
     """
     lidar = Lidar() if lidar is None else lidar
     radar = Radar() if radar is None else radar
     for k, z in enumerate(zs, start=1):
-        if k > 1 or reuse_first:
-            kf.predict(dt if k > 1 else 0.0)
-            kf.update(z, sensor_at(k, lidar, radar))
+        follow(kf, [z], [sensor_at(k, lidar, radar)], [T if k > 1 else 0.0], keep=())
         yield k
 
 
-def estimates(kf, zs, lidar=None, radar=None, reuse_first=True):
+def estimates(kf, zs, lidar=None, radar=None):
     """State after every measurement, shape (5, N) for one target or (5, N, M) for runs; arguments as for `steps`."""
-    return np.stack([kf.x for _ in steps(kf, zs, lidar, radar, reuse_first)], axis=1)
+    return np.stack([kf.x for _ in steps(kf, zs, lidar, radar)], axis=1)
 
 
 def errors(x, track=None):
@@ -203,9 +154,3 @@ def errors(x, track=None):
     track = truth() if track is None else track
     true = components(track)[:, : x.shape[1]]
     return components(x) - (true if x.ndim == 2 else true[..., None])
-
-
-def table_9(error):
-    """Table 9 of every run: (4, 4, M) for errors (4, N, M), components by `FIGURES`; all but the RMSE of the absolute errors."""
-    size = np.abs(error)
-    return np.stack([np.sqrt(np.mean(size**2, axis=1)), size.max(axis=1), size.min(axis=1), size.mean(axis=1)], axis=1)
