@@ -103,9 +103,8 @@ def test_summary_counts_every_row_once(folders, monkeypatch):
     assert counts.loc["1_thesis/2_kalman_filter"].tolist() == [1, 0, 1, 0, 0, 0, 0, 0, 2]
     assert counts["total"].sum() == len(ledger)
     assert summary_markdown(ledger).splitlines()[2:] == [
-        "| 1_thesis/2_kalman_filter | 1 | 0 | 1 | 0 | 0 | 0 | 0 | 0 | 2 |",
-        "| 1_thesis/3_motion_models | 2 | 0 | 0 | 0 | 0 | 0 | 0 | 0 | 2 |",
-        "| all notebooks | 3 | 0 | 1 | 0 | 0 | 0 | 0 | 0 | 4 |",
+        "| 1_thesis | 3 | 0 | 1 | 0 | 0 | 0 | 0 | 0 | 4 |",
+        "| together | 3 | 0 | 1 | 0 | 0 | 0 | 0 | 0 | 4 |",
     ]
     with pytest.raises(ValueError, match="'excellent'"):
         summary(ledger.assign(verdict="excellent"))

@@ -95,10 +95,11 @@ def summary(ledger):
 
 
 def summary_markdown(ledger):
-    """Return `summary` as a Markdown table, with a last line of sums."""
+    """Return `summary` by paper as a Markdown table, with a last line of sums."""
     counts = summary(ledger)
-    counts.loc["all notebooks"] = counts.sum()
-    lines = [["notebook", *counts.columns], ["---", *["---:"] * len(counts.columns)]]
+    counts = counts.groupby(counts.index.str.split("/").str[0]).sum()
+    counts.loc["together"] = counts.sum()
+    lines = [["paper", *counts.columns], ["---", *["---:"] * len(counts.columns)]]
     lines += [[name, *(str(count) for count in row)] for name, row in zip(counts.index, counts.to_numpy(), strict=True)]
     return "".join(f"| {' | '.join(line)} |\n" for line in lines)
 

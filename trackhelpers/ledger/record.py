@@ -7,7 +7,7 @@ from .verdicts import MARKS
 
 __all__ = ["marked", "record"]
 
-_LINK = re.compile(r"\[([^\]\[]*)\](\((?:\.\./|notebooks/)results/([a-z0-9_]+?)__([a-z0-9_]+)\.md#([^)\s]+?)(?: \"(ours|low|high)\")?\))")
+_LINK = re.compile(r"\[([^\]\[]*)\](\((?:\.\./|notebooks/)?results/([a-z0-9_]+?)__([a-z0-9_]+)\.md#([^)\s]+?)(?: \"(ours|low|high)\")?\))")
 
 
 def marked(text, asked, notebook):
