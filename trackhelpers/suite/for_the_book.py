@@ -6,6 +6,7 @@ import nbformat
 
 __all__ = ["for_the_book", "plain"]
 
+PROMPTS = {"hide-cell": "Bookkeeping", "opening": "Imports and drawing"}
 _OWN_ROW = re.compile(r"\[[^\]\[]*\]\(\.\./results/([a-z0-9_]+?__[a-z0-9_]+)\.md#([a-z0-9-]+)")
 _CHINESE = re.compile(r"[\u3400-\u9fff\uff00-\uffef\u3000-\u303f]+")
 # Pieces of Markdown in which nothing is to be replaced: code, formulas, links, HTML, headings.
@@ -29,13 +30,15 @@ def for_the_book(notebook, name="", places=None, rows=(), homes=None):
         Name of a class or function -> (page, full name) in the API reference, as `trackhelpers.suite.api_page.homes` gives it.
     """
     pointed, named = set(), set()
+    _fold_the_opening(notebook)
     for cell in notebook.cells:
         if cell.cell_type == "markdown":
             cell.source = with_chinese(with_equations(with_places(cell.source, name, pointed), name, places or {}))
             cell.source = with_reference(cell.source, name, homes or {}, named)
         options = {}
-        if "hide-cell" in cell.metadata.get("tags", []):
-            options |= {"code_prompt_show": "Bookkeeping", "code_prompt_hide": "Bookkeeping"}
+        for tag, prompt in PROMPTS.items():
+            if tag in cell.metadata.get("tags", []):
+                options |= {"code_prompt_show": prompt, "code_prompt_hide": prompt}
         captions = [output.data.get("text/markdown", "") for output in cell.get("outputs", []) if "data" in output]
         captions = [plain(text) for text in captions if text.startswith("**Figure ")]
         if captions:
@@ -44,6 +47,15 @@ def for_the_book(notebook, name="", places=None, rows=(), homes=None):
             cell.metadata["mystnb"] = options
     _point_at_answers(notebook, [id for id in rows if id not in pointed])
     return notebook
+
+
+def _fold_the_opening(notebook):
+    """Before the first section the reader meets the situation and its picture; what draws it is folded."""
+    for cell in notebook.cells:
+        if cell.cell_type == "markdown" and re.search(r"^## ", cell.source, flags=re.MULTILINE):
+            return
+        if cell.cell_type == "code" and not {"hide-cell", "hide-input"} & set(cell.metadata.get("tags", [])):
+            cell.metadata["tags"] = [*cell.metadata.get("tags", []), "hide-input", "opening"]
 
 
 def with_places(text, name, pointed):
