@@ -87,11 +87,8 @@ def test_a_dead_link_is_told_with_page_notebook_and_id(questions):
         written.filled(pages, read_ledger(), questions)
 
 
-def test_a_notebook_that_does_not_exist_is_dead_and_one_whose_questions_have_no_file_yet_waits(questions, monkeypatch):
-    page = {"paper_1.md": "[0.5](../results/1_thesis__0_old.md#a) [?](../results/1_thesis__7_none.md#a)"}
-    monkeypatch.setattr(written, "WAITING", frozenset({"1_thesis/0_old"}))
-    assert written.dead(page, questions) == [("paper_1.md", "1_thesis/7_none", "a")]
-    assert written.filled({"p.md": page["paper_1.md"][:40]}, read_ledger(), questions) == {"p.md": page["paper_1.md"][:40]}
+def test_a_notebook_that_does_not_exist_is_dead(questions):
+    assert written.dead({"paper_1.md": "[0.5](../results/1_thesis__7_none.md#a)"}, questions) == [("paper_1.md", "1_thesis/7_none", "a")]
 
 
 def test_questions_that_a_page_leaves_out_are_counted(questions):
@@ -107,8 +104,6 @@ def test_the_book_s_pages_have_their_marks_and_the_chinese_its_language(tmp_path
     pages = {path.name: path.read_text(encoding="utf-8") for path in (tmp_path / "pages").iterdir()}
     assert set(pages) == {*TEXTS, "symbols.md"} >= set(written.PAPERS)
     assert "[✓ reproduced](../results/" in pages["paper_1.md"] and '<span lang="zh">' in pages["paper_2.md"]
-    waiting = written.waits(QUESTIONS)
-    assert not [row for text in pages.values() for row in written.links(text) if row[0] in waiting]
 
 
 def test_the_report_counts_and_fails_on_dead_links(monkeypatch, capsys):

@@ -5,17 +5,17 @@ import re
 from .numbers import short, shown
 from .verdicts import MARKS
 
-__all__ = ["LINK", "links", "marked", "record"]
+__all__ = ["links", "marked", "record"]
 
-LINK = re.compile(r"\[([^\]\[]*)\](\((?:\.\./|notebooks/)results/([a-z0-9_]+?)__([a-z0-9_]+)\.md#([^)\s]+?)(?: \"(ours|low|high)\")?\))")
+_LINK = re.compile(r"\[([^\]\[]*)\](\((?:\.\./|notebooks/)results/([a-z0-9_]+?)__([a-z0-9_]+)\.md#([^)\s]+?)(?: \"(ours|low|high)\")?\))")
 
 
 def links(text):
     """Return the rows that a text links to, each once, as (notebook, id) in the order of the text."""
-    return list(dict.fromkeys((f"{paper}/{name}", id) for _, _, paper, name, id, _ in LINK.findall(text)))
+    return list(dict.fromkeys((f"{paper}/{name}", id) for _, _, paper, name, id, _ in _LINK.findall(text)))
 
 
-def marked(text, asked, notebook, waiting=()):
+def marked(text, asked, notebook):
     """Return Markdown with the text of each link to a row replaced by the mark of the row's verdict, or by its number.
 
     Parameters
@@ -27,8 +27,6 @@ def marked(text, asked, notebook, waiting=()):
         Notebook (``1_thesis/2_kalman_filter``) -> id -> row of the ledger, a mapping, or None for a question not answered yet, whose link shows "?".
     notebook : str
         The notebook that holds the text, for the message.
-    waiting : collection of str
-        Notebooks whose questions have no file yet; links to their rows are left as they are.
 
     Raises
     ------
@@ -38,8 +36,6 @@ def marked(text, asked, notebook, waiting=()):
 
     def mark(link):
         shown, target, paper, name, id, number = link.groups()
-        if f"{paper}/{name}" in waiting:
-            return link[0]
         rows = asked.get(f"{paper}/{name}", {})
         if id not in rows:
             raise ValueError(f"notebook {notebook} links to the row {id!r} of {paper}/{name}, expected one out of {list(rows)}")
@@ -52,7 +48,7 @@ def marked(text, asked, notebook, waiting=()):
             raise ValueError(f"notebook {notebook} links to the number {number!r} of the row {id!r} of {paper}/{name}, which has none")
         return f"[{_as_shown(shown, float(row[number]))}]{target}"
 
-    return LINK.sub(mark, text)
+    return _LINK.sub(mark, text)
 
 
 def _as_shown(shown, value):

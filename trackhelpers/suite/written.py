@@ -6,34 +6,17 @@ In git they hold the marks and numbers of the stored ledger; ``python -m trackhe
 from pathlib import Path
 
 from trackhelpers.ledger import read_ledger, read_questions
-from trackhelpers.ledger.record import LINK, links, marked
+from trackhelpers.ledger.record import links, marked
 from trackhelpers.suite import ROOT
 from trackhelpers.suite.for_the_book import with_chinese
 from trackhelpers.suite.records import rows_of
 from trackhelpers.suite.symbols import symbols_page
 
-__all__ = ["PAGES", "PAPERS", "WAITING", "dead", "filled", "lay", "report", "texts", "unreached", "waits", "write"]
+__all__ = ["LOOK_UP", "PAGES", "PAPERS", "dead", "filled", "lay", "report", "texts", "unreached", "write"]
 
 PAGES = ROOT / "book" / "pages"
 PAPERS = {f"paper_{paper[0]}.md": paper for paper in ("1_thesis", "2_track_fusion", "3_augmented_bias", "4_space_tdoa")}
 LOOK_UP = ("reading_paths", "which_filter", "symbols")  # in the order of the table of contents
-
-# Notebooks whose questions may still lack a file; until it is there, links to their rows are left open. When all have one, this goes.
-WAITING = frozenset(
-    {
-        "1_thesis/1_filtering",
-        "1_thesis/2_kalman_filter",
-        "1_thesis/3_motion_models",
-        "1_thesis/3_noise_and_jacobians",
-        "1_thesis/4_1_accelerating_source",
-        "1_thesis/4_3_public_log",
-        "2_track_fusion/1_tracks",
-        "2_track_fusion/2_kalman_filter",
-        "2_track_fusion/3_fusion",
-        "2_track_fusion/4_experiments",
-        "3_augmented_bias/3_simulation",
-    }
-)
 
 
 def texts(folder=PAGES):
@@ -41,16 +24,10 @@ def texts(folder=PAGES):
     return {path.name: path.read_text(encoding="utf-8") for path in sorted(Path(folder).glob("*.md"))}
 
 
-def waits(questions):
-    """Return the notebooks of `WAITING` that have no file of questions yet."""
-    return WAITING - set(questions)
-
-
 def dead(pages, questions):
-    """Return the links to rows that are not asked, or were withdrawn, as (page, notebook, id); those of notebooks that wait are not among them."""
+    """Return the links to rows that are not asked, or were withdrawn, as (page, notebook, id)."""
     asked = {(name, id) for name, rows in questions.items() for id, question in rows.items() if not question.withdrawn}
-    waiting = waits(questions)
-    return [(page, *row) for page, text in pages.items() for row in links(text) if row not in asked and row[0] not in waiting]
+    return [(page, *row) for page, text in pages.items() for row in links(text) if row not in asked]
 
 
 def unreached(pages, questions):
@@ -78,7 +55,7 @@ def filled(pages, ledger, questions):
     if lost:
         raise RuntimeError("the written pages link to rows that are not asked:\n" + "\n".join(map(_line, lost)))
     asked = rows_of(ledger, questions)
-    return {page: marked(text, asked, f"(page {page})", waits(questions)) for page, text in pages.items()}
+    return {page: marked(text, asked, f"(page {page})") for page, text in pages.items()}
 
 
 def write(folder=PAGES):
@@ -92,22 +69,17 @@ def lay(source):
     questions = read_questions(source / "questions")
     pages = filled(texts(), read_ledger(source / "results", source / "questions"), questions)
     pages["symbols.md"] = symbols_page()
-    waiting = waits(questions)
     (source / "pages").mkdir()
     for page, text in pages.items():
-        text = LINK.sub(lambda link: link[1] if f"{link[3]}/{link[4]}" in waiting else link[0], text)  # its page of rows does not exist yet
         (source / "pages" / page).write_text(with_chinese(text), encoding="utf-8")
 
 
 def report():
-    """Print the links that lead nowhere, those that wait, and the questions that no page reaches; return 1 if a link is dead."""
+    """Print the links that lead nowhere and the questions that no page reaches; return 1 if a link is dead."""
     pages, questions = texts(), read_questions()
     lost = dead(pages, questions)
     for line in map(_line, lost):
         print(f"dead: {line}")
-    for name in sorted(waits(questions)):
-        count = sum(row[0] == name for text in pages.values() for row in links(text))
-        print(f"waits for a file of questions: {name}, {count} rows linked")
     missed = unreached(pages, questions)
     for name, id in missed:
         print(f"not reached from its paper's page: {name}: {id}")
