@@ -156,7 +156,7 @@ def reported(paths, length=LENGTH, run_in=RUN_IN):
 
 
 def radar(paths, T, sigma, draws, rng, length=LENGTH, run_in=RUN_IN):
-    """`Blocks` of a radar's positions, σ in x and y, on the smoothed path; paths as for `reported`, rng a Generator for the noise, the same for each T and σ."""
+    """`Blocks` of a radar's positions, σ in x and y, on the smoothed path; paths as for `reported`, rng: Generator of the noise."""
     parts = []
     for name, (flown, _, (x, *_)) in paths.items():
         k = seconds(len(flown.t), T, length, run_in)
