@@ -40,6 +40,11 @@ def test_every_question_of_a_notebook_has_its_answer_and_the_verdict_follows(led
         )
 
 
+def test_an_id_is_asked_once_in_a_paper():
+    asked = [(name.split("/")[0], id) for name, questions in QUESTIONS.items() for id, each in questions.items() if not each.withdrawn]
+    assert not {pair for pair in asked if asked.count(pair) > 1}
+
+
 def test_what_a_published_table_holds_is_looked_up_there():
     for notebook, asked in QUESTIONS.items():
         paper = notebook.split("/")[0].partition("_")[2]

@@ -6,6 +6,10 @@ import nbformat
 
 __all__ = ["for_the_book", "plain"]
 
+MOVED = {
+    "../book/pages/": "pages/",
+    "../book/symbols.csv": "pages/symbols.md",
+}  # from the start page: where a link leads in the repository, and in the book
 PROMPTS = {"hide-cell": "Bookkeeping", "opening": "Imports and drawing"}
 _OWN_ROW = re.compile(r"\[[^\]\[]*\]\(\.\./results/([a-z0-9_]+?__[a-z0-9_]+)\.md#([a-z0-9-]+)")
 _CHINESE = re.compile(r"[\u3400-\u9fff\uff00-\uffef\u3000-\u303f]+")
@@ -33,6 +37,8 @@ def for_the_book(notebook, name="", places=None, rows=(), homes=None):
     _fold_the_opening(notebook)
     for cell in notebook.cells:
         if cell.cell_type == "markdown":
+            for here, there in MOVED.items():
+                cell.source = cell.source.replace(f"]({here}", f"]({there}")
             cell.source = with_chinese(with_equations(with_places(cell.source, name, pointed), name, places or {}))
             cell.source = with_reference(cell.source, name, homes or {}, named)
         options = {}
