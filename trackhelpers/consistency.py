@@ -48,12 +48,8 @@ def nees(x_true, x, P, angles=()):
     x_true = check_array(x_true, "x_true", len(x))
     shapes = x_true.shape, x.shape
     if shapes[0] != shapes[1] or x.ndim != 1 or not len(x):
-        most = max(map(len, shapes))
-        if (
-            0 in x.shape
-            or most > 2
-            or (len(shapes[0]) == len(shapes[1]) and shapes[0] != shapes[1] and 1 not in (shapes[0][1], shapes[1][1]))
-        ):
+        fit = all(1 in pair or pair[0] == pair[1] for pair in zip(shapes[0][:0:-1], shapes[1][:0:-1], strict=False))
+        if 0 in x.shape or not fit:
             raise ValueError(f"x_true, x: expected shapes (n,) or (n, M), got {x_true.shape} and {x.shape}")
     if x_true.ndim == 1 and x.ndim == 2:
         x_true = x_true[:, None]
@@ -80,7 +76,7 @@ def nis(y, S):
         As for `nees`.
     """
     y = check_array(y if isinstance(y, (list, tuple)) or getattr(y, "ndim", 0) else [y], "y", None)
-    if not len(y) or y.ndim > 2:
+    if 0 in y.shape:
         raise ValueError(f"y: expected shape (m,) or (m, M), got {y.shape}")
     return _normalised(y, S, "S")
 

@@ -31,6 +31,7 @@ class Kernel:
         for _, symbols in outputs:
             for symbol in symbols:
                 _visit(number(symbol), places, order)
+        self.operations = [s.op for s in order]
         self.numbers = np.array([s.args[0] for s in order if s.op == "number"])
         code = tuple(
             (s.op, *(places[id(a)] if isinstance(a, Symbol) else a for a in s.args)) if s.op != "number" else ("number",) for s in order

@@ -108,3 +108,11 @@ def check_spread(value, name, n):
     """`value` as a covariance (n, n), or of many runs, (n, n, M), of which some may have diverged."""
     value = check_array(value, name, n)
     return check_covariance(value, name, n) if value.ndim < 3 else value
+
+
+def check_probabilities(value, name, shape):
+    """Probabilities of this shape that sum to one along the last axis, a copy; ValueError otherwise."""
+    p = check_array(value, name, shape[0], shape[1:])
+    if not np.all(np.isfinite(p)) or np.any(p < 0) or np.any(np.abs(p.sum(axis=-1) - 1) > 1e-9):
+        raise ValueError(f"{name}: expected probabilities that sum to 1, got {p.tolist()}")
+    return p.copy()

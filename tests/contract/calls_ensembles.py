@@ -1,12 +1,12 @@
 """Valid calls of the ensembles: runs on the last axis."""
 
 import numpy as np
-from bad_inputs import Count, Covariance, Each, Fixed, Mask, Numbers, Scale, Thing
+from bad_inputs import Count, Covariance, Each, Fixed, Mask, Numbers, Scale, Thing, Wrong
 from calls import Call, on
 from calls_filters import ADAPTIVE, CURVED, P0, P5, POSITION, QUIET, RADAR, SWITCHING, X0, X5, R, matrices, model_filters, two_models
 
 from trackhelpers import ensemble
-from trackhelpers.ensemble import adaptive, many_matrix_filters, switching
+from trackhelpers.ensemble import adaptive, many_matrix_filters, motion_imm, switching
 
 M = 4
 SHIFTS = np.arange(M) * 0.1
@@ -102,6 +102,33 @@ for _name, (_make, _more, _model, _sensor) in _ensembles().items():
     _some = Mask(MASK.value, optional=True)
     _updates += [Call(on(_predicted(_fresh), "update"), z=Numbers(_z, optional=True), sensor=Thing(_sensor), mask=_some, R=_each)]
     CALLS.setdefault("ensemble.base.Ensemble.nees", []).append(Call(on(_fresh, "nees"), truth=Numbers(_x[:, 0])))
+
+
+def imm():
+    return motion_imm.EnsembleMotionIMM([ensemble.EnsembleEKF(CURVED, XS5, P5), ensemble.EnsembleUKF(CURVED, XS5, P5)], [0.6, 0.4], CHAIN)
+
+
+CHAIN = [[0.9, 0.1], [0.2, 0.8]]
+CALLS |= {
+    "ensemble.motion_imm.EnsembleMotionIMM": [
+        Call(
+            motion_imm.EnsembleMotionIMM,
+            filters=Wrong(imm().filters, None, 3.0, "nonsense", [1.0, 2.0], imm().filters[:1]),
+            mu0=Numbers([0.6, 0.4], beyond=([0.6, 0.6], [1.5, -0.5])),
+            transition=Numbers(CHAIN, beyond=([[0.9, 0.2], [0.2, 0.8]],)),
+        )
+    ],
+    "ensemble.motion_imm.EnsembleMotionIMM.predict": [Call(on(imm, "predict"), dt=Scale(0.5))],
+    "ensemble.motion_imm.EnsembleMotionIMM.update": [
+        Call(
+            on(_predicted(imm), "update"),
+            z=Numbers(ZS3, optional=True),
+            sensor=Thing(RADAR),
+            mask=MASK,
+            R=Covariance(np.repeat(RADAR.R[..., None], M, axis=2), optional=True),
+        )
+    ],
+}
 CALLS["ensemble.base.Ensemble.update"] = _updates
 CALLS["ensemble.base.Ensemble"] = CALLS["ensemble.filters.EnsembleEKF"]
 for _name, (_make, _kinds) in _on_matrices().items():

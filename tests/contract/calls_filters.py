@@ -1,7 +1,7 @@
 """Valid calls of the filters of one target."""
 
 import numpy as np
-from bad_inputs import Choice, Count, Covariance, Fixed, Names, Number, Numbers, Probability, Scale, Thing
+from bad_inputs import Choice, Count, Covariance, Fixed, Names, Number, Numbers, Probability, Scale, Thing, Wrong
 from calls import Call, on
 from filterpy.kalman import MerweScaledSigmaPoints
 
@@ -157,7 +157,7 @@ CALLS = {
     "filters.motion_imm.MotionIMM": [
         Call(
             filters.MotionIMM,
-            filters=Fixed(imm().filters),
+            filters=Wrong(imm().filters, None, 3.0, "nonsense", [1.0, 2.0], imm().filters[:1]),
             mu0=Numbers([0.6, 0.4], beyond=([0.6, 0.6], [1.5, -0.5])),
             transition=Numbers([[0.9, 0.1], [0.2, 0.8]], beyond=([[0.9, 0.2], [0.2, 0.8]],)),
             common=Names(("x", "y"), optional=True),

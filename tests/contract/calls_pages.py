@@ -9,7 +9,7 @@ from calls import Call, on
 from matplotlib.figure import Figure
 
 from trackhelpers import datasets, ledger, plots, published, recordings, reports, tables
-from trackhelpers.ledger import files, numbers, questions, rows
+from trackhelpers.ledger import files, numbers, questions
 from trackhelpers.published import thesis_chapter_3, thesis_chapter_4
 
 T3, X5 = np.array([1.0, 2.0, 3.0]), np.array([10.0, 5.0, 3.0, 0.2, 0.1])
@@ -18,8 +18,6 @@ FRAME = pd.DataFrame({"t": [0.0, 1.0], "lat": [50.0, 50.001], "lon": [8.0, 8.001
 CELL = questions.Question("p/n", "id", "table", "Table 1", "a", "cell", date(2026, 1, 1), printed="0.50")
 CLAIM = questions.Question("p/n", "id", "claim", "1", "a", "< 1", date(2026, 1, 1))
 EQUATION = questions.Question("p/n", "id", "equation", "(1)", "a", "equation", date(2026, 1, 1))
-LINE = {"where": Text("Table 1"), "quantity": Text("RMSE")}
-STATED = {"assumption": Fixed(""), "erratum": Fixed(""), "note": Fixed("")}
 ANY = {"free": True, "gaps": True}
 
 
@@ -29,10 +27,6 @@ def axes():
 
 def _on_axes(name):
     return lambda **k: getattr(plots, name)(axes(), **k)
-
-
-def _rows():
-    return rows.Rows("1_thesis", "2_kalman_filter")
 
 
 def _printed(function, n=5, **more):
@@ -88,7 +82,6 @@ CALLS = {
     "plots.show": [
         Call(lambda **k: plots.show(Figure(), **{"number": "1-1", "caption": "text"} | k), number=Text("1-1"), caption=Text("text"))
     ],
-    "plots.caption": [Call(lambda text: plots.caption(Figure(), text), text=Text("text"))],
     "published.tables_of": [Call(published.tables_of, paper=Choice("thesis"))],
     "published.published": [Call(published.published, paper=Choice("thesis"), table=Count(9))],
     "published.last_digit": [Call(published.last_digit, text=Choice("0.50"))],
@@ -114,7 +107,7 @@ CALLS = {
     ],
     "datasets.path": [Call(datasets.path, name=Choice(datasets.LIDAR_RADAR_LOG))],
     "datasets.available": [Call(datasets.available, name=Choice(datasets.LIDAR_RADAR_LOG))],
-    "ledger.answers.Ledger": [Call(ledger.Ledger, paper=Text("1_none"), notebook=Text("2_none"))],
+    "ledger.answers.Ledger": [Call(ledger.Ledger, paper=Text("1_thesis"), notebook=Text("5_3_epidemic"))],
     "ledger.answers.Ledger.answer": [
         Call(on(lambda: ledger.Ledger("1_thesis", "5_3_epidemic"), "answer"), answers=Wrong({}, None, 3.0, "text", [1]))
     ],
@@ -122,37 +115,6 @@ CALLS = {
     "ledger.files.compare": [Call(lambda **k: files.compare(".", ".", **k), rtol=Scale(1e-5), atol=Scale(1e-9))],
     "ledger.numbers.finite": [Call(lambda value: numbers.finite("id", "value", value), value=NUMBER)],
     "ledger.numbers.checked_draws": [Call(lambda draws: numbers.checked_draws("id", draws), draws=DRAWS)],
-    "ledger.rows.Rows": [Call(rows.Rows, paper=Text("1_thesis"), notebook=Text("2_none"))],
-    "ledger.rows.Rows.cell": [
-        Call(
-            on(_rows, "cell"),
-            id=Text("a"),
-            **LINE,
-            paper=Choice("0.50"),
-            ours=NUMBER,
-            tolerance=Number(0.1, (0.0, -1), optional=True),
-            **STATED,
-        )
-    ],
-    "ledger.rows.Rows.random_cell": [Call(on(_rows, "random_cell"), id=Text("a"), **LINE, paper=Choice("0.50"), draws=DRAWS, **STATED)],
-    "ledger.rows.Rows.equation": [Call(on(_rows, "equation"), id=Text("a"), **LINE, residual=Scale(1e-12), **STATED)],
-    "ledger.rows.Rows.figure": [
-        Call(
-            on(_rows, "figure"),
-            id=Text("a"),
-            **LINE,
-            paper=Choice("> 0"),
-            ours=Number(0.5, (7.0,)),
-            low=Number(0.4, (2.0, 0.55)),
-            high=Number(0.6, (-1.0,)),
-            **STATED,
-        )
-    ],
-    "ledger.rows.Rows.claim": [
-        Call(on(_rows, "claim"), id=Text("a"), **LINE, paper=Choice("> 0"), ours=NUMBER, kind=Choice("claim"), **STATED)
-    ],
-    "ledger.rows.Rows.not_checkable": [Call(on(_rows, "not_checkable"), id=Text("a"), **LINE, kind=Choice("claim"), note=Text("lost"))],
-    "ledger.rows.Rows.beyond": [Call(on(_rows, "beyond"), id=Text("a"), **LINE, kind=Choice("claim"), ours=NUMBER)],
     "ledger.verdicts.Found": [Call(ledger.Found, value=Fixed(1.0), error=Text("wrong"))],
     "ledger.verdicts.verdict": [
         Call(lambda answer: ledger.verdict(CELL, answer), answer=NUMBER),

@@ -17,6 +17,7 @@ INSIDE = {
     "sensors.linear.LinearSensor.picks": "asked by the filters",
     "ensemble.many_matrix_filters.MatrixEnsemble": "a base without a constructor",
     "ensemble.many_matrix_filters.of_runs": "a part of the ensembles' own arrays",
+    "ensemble.motion_imm.mixed": "of the filters' own moments",
     "ensemble.base.Ensemble": "a base: EnsembleEKF",
     "angles.wrap_rows": "in place, within the filters' own arrays",
     "angles.cos_sin": "of hooks: takes symbols too",
@@ -60,15 +61,12 @@ INSIDE = {
     "published.augmented_bias.equations": "takes nothing",
     "ledger.answers.Counts": "a result",
     "ledger.answers.Ledger.write": "takes nothing",
-    "ledger.rows.Rows.write": "takes nothing",
     "ledger.questions.*": "read from files: tests/ledger",
     "ledger.files.*": "reads and writes files: tests/ledger",
     "ledger.reading.*": "reads files: tests/ledger",
     "ledger.record.*": "the text of pages: tests/ledger",
-    "ledger.page.*": "the text of pages: tests/ledger",
     "ledger.rules.*": "of rules that were read: tests/ledger",
     "ledger.numbers.*": "of rows that were read: tests/ledger",
-    "ledger.rows.bears_out": "of a row that was read: tests/ledger",
     "ledger.verdicts.stored": "as verdict",
 }
 CALLED_BY_FILTERPY = ("compute_process_sigmas", "cross_variance", "predict_x", "sigma_points")

@@ -9,6 +9,7 @@ from trackhelpers.checks import check_names
 from trackhelpers.filters.base import OneTarget, atomic, refused
 from trackhelpers.filters.imm import weighed
 from trackhelpers.hooks import central_differences
+from trackhelpers.manoeuvre_checks import check_probabilities
 
 
 @refused(batch_filter="trackhelpers.follow.follow")
@@ -55,8 +56,8 @@ class MotionIMM(OneTarget, IMMEstimator):
         self.N = len(self.filters)
         if self.N < 2 or not all(hasattr(kf, "model") for kf in self.filters):
             raise ValueError(f"filters: expected a sequence of two filters on models or more, got {filters!r}")
-        self.mu = _probabilities(mu0, "mu0", (self.N,))
-        self.M = _probabilities(transition, "transition", (self.N, self.N))
+        self.mu = check_probabilities(mu0, "mu0", (self.N,))
+        self.M = check_probabilities(transition, "transition", (self.N, self.N))
         maps = [None] * self.N if maps is None else list(maps)
         if len(maps) != self.N:
             raise ValueError(f"maps: expected {self.N}, one a filter, got {len(maps)}")
@@ -183,11 +184,3 @@ class _Mapped:
         for place, value in entries.items():
             J[place] = value
         return J
-
-
-def _probabilities(value, name, shape):
-    """Probabilities that sum to one along the last axis."""
-    p = check_array(value, name, shape[0], shape[1:])
-    if not np.all(np.isfinite(p)) or np.any(p < 0) or np.any(np.abs(p.sum(axis=-1) - 1) > 1e-9):
-        raise ValueError(f"{name}: expected probabilities that sum to 1, got {p.tolist()}")
-    return p.copy()
