@@ -9,8 +9,8 @@ from trackhelpers.ledger import read_ledger, read_questions
 from trackhelpers.ledger.record import links, marked
 from trackhelpers.suite import ROOT
 from trackhelpers.suite.for_the_book import with_chinese
+from trackhelpers.suite.letters import symbols_page
 from trackhelpers.suite.records import rows_of
-from trackhelpers.suite.symbols import symbols_page
 
 __all__ = ["LOOK_UP", "PAGES", "PAPERS", "dead", "filled", "lay", "report", "texts", "unreached", "write"]
 

@@ -10,7 +10,7 @@ from filterpy.kalman import MerweScaledSigmaPoints
 
 from trackhelpers import charts, consistency, filters, fixes, fusion, motion, sensors
 from trackhelpers.suite import book, written
-from trackhelpers.suite.symbols import COLUMNS, FILE, read_symbols, symbols_page
+from trackhelpers.suite.letters import COLUMNS, FILE, read_symbols, symbols_page
 
 ROWS = read_symbols()
 MODULES = {module.__name__.rpartition(".")[2]: module for module in (charts, consistency, filters, fixes, fusion, motion, sensors)}
