@@ -23,7 +23,7 @@ class Interval(NamedTuple):
 def mean_interval(samples, level=0.95):
     """Mean of one value a run, samples (M,), with its interval for many runs (normal distribution of the mean); returns `Interval`.
 
-    ValueError for fewer than two samples, what is no finite number, and a level that is no probability (0.95, not 95).
+    Truth values count as 1 and 0, so that the mean is a share. ValueError for fewer than two samples, what is no finite number, and a level that is no probability (0.95, not 95).
     """
     samples, level = _samples(samples, "samples"), check_probability(level, "level")
     half = stats.norm.ppf(0.5 + level / 2) * samples.std(ddof=1) / np.sqrt(samples.size)
@@ -47,6 +47,8 @@ def ratio_interval(numerator, denominator, level=0.95):
 
 
 def _samples(values, name):
+    if isinstance(values, np.ndarray) and values.dtype == bool:  # whether something happened, of which the mean is the share
+        values = values.astype(float)
     values = check_numbers(values, name, "two or more finite numbers, one a run")
     if values.ndim != 1 or values.size < 2 or not np.all(np.isfinite(values)):
         raise ValueError(f"{name}: expected two or more finite numbers, one a run, got shape {values.shape}")

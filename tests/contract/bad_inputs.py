@@ -18,8 +18,9 @@ class Fixed:
 class Numbers(Fixed):
     """An array. `free`: any shape will do; `gaps`: NaN marks what is missing; `optional`: None will do; `number`: so will a number; `beyond`: what else must be refused."""
 
-    def __init__(self, value, free=False, gaps=False, optional=False, number=False, beyond=()):
+    def __init__(self, value, free=False, gaps=False, optional=False, number=False, truths=False, beyond=()):
         super().__init__(np.array(value, dtype=float))
+        self.truths = truths  # an array of them will do
         self.free, self.gaps, self.optional, self.number, self.beyond = free, gaps, optional, number, beyond
 
     def bad(self):
@@ -31,7 +32,8 @@ class Numbers(Fixed):
         yield "strings", a.astype(str).tolist()
         yield "array of strings", a.astype(str)
         yield "text", "nonsense"
-        yield "booleans", a > 0
+        if not self.truths:
+            yield "booleans", a > 0
         yield "masked", np.ma.array(a, mask=first)
         yield "objects", np.full(a.shape, object())
         yield "numbers as objects", a.astype(object)

@@ -156,10 +156,15 @@ CALLS = {
         )
     ],
     "intervals.mean_interval": [
-        Call(intervals.mean_interval, samples=Numbers(RUNS, free=True, beyond=(1.0, RUNS[:1], [RUNS])), level=LEVEL)
+        Call(intervals.mean_interval, samples=Numbers(RUNS, free=True, truths=True, beyond=(1.0, RUNS[:1], [RUNS])), level=LEVEL)
     ],
     "intervals.ratio_interval": [
-        Call(intervals.ratio_interval, numerator=Numbers(RUNS), denominator=Numbers(RUNS, beyond=(0 * RUNS,)), level=LEVEL)
+        Call(
+            intervals.ratio_interval,
+            numerator=Numbers(RUNS, truths=True),
+            denominator=Numbers(RUNS, truths=True, beyond=(0 * RUNS,)),
+            level=LEVEL,
+        )
     ],
     "follow.follow": [
         Call(

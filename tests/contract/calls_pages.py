@@ -106,6 +106,7 @@ CALLS = {
         Call(lambda lat: reports.clean(FRAME.assign(lat=lat), 1e3), lat=Fixed(FRAME["lat"])),
     ],
     "datasets.path": [Call(datasets.path, name=Choice(datasets.LIDAR_RADAR_LOG))],
+    "datasets.why_not": [Call(datasets.why_not, name=Choice(datasets.LIDAR_RADAR_LOG))],
     "datasets.available": [Call(datasets.available, name=Choice(datasets.LIDAR_RADAR_LOG))],
     "ledger.answers.Ledger": [Call(ledger.Ledger, paper=Text("1_thesis"), notebook=Text("5_3_epidemic"))],
     "ledger.answers.Ledger.answer": [

@@ -1,6 +1,7 @@
 """Public names that no user calls with arguments of his own, and why; ``.*`` stands for all of a module or class."""
 
 INSIDE = {
+    "whole.*": "writes files: tests/whole",
     "real.*": "the door itself: tests/arrays",
     "published.thesis_chapter_4.range_rate_of": "of hooks: takes symbols too",
     "published.thesis_chapter_4.range_rate_row_of": "of hooks: takes symbols too",

@@ -1,12 +1,12 @@
 """The ledger's files: where they lie, how they are written, counted and compared."""
 
 import os
-import tempfile
 from pathlib import Path
 
 import pandas as pd
 
 from ..checks import check_scale
+from ..whole import write_whole
 
 __all__ = [
     "ANSWER_COLUMNS",
@@ -64,16 +64,7 @@ def results_folder():
 
 def write_csv(frame, path):
     """Write a frame of strings to `path` in one step, so that a reader never meets half a file."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=path.name, suffix=".part")
-    try:
-        with os.fdopen(handle, "w", encoding="utf-8", newline="") as file:
-            frame.to_csv(file, index=False, lineterminator="\n")
-        os.chmod(temporary, 0o644)  # mkstemp's files are the owner's alone
-        os.replace(temporary, path)
-    except BaseException:
-        os.unlink(temporary)
-        raise
+    write_whole(path, frame.to_csv(index=False, lineterminator="\n"))
 
 
 def read_csv(path):
