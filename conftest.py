@@ -20,6 +20,8 @@ os.environ.setdefault("MPLBACKEND", "Agg")  # the notebooks' kernels have their 
 
 
 def pytest_configure(config):
+    if not WRITABLE:
+        config.addinivalue_line("filterwarnings", "ignore::pytest.PytestCacheWarning")
     if not config.getoption("nbval", False) or hasattr(config, "workerinput"):  # pytest-xdist's workers inherit the environment
         return
     from trackhelpers.suite.kernel import strict_kernels
