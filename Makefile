@@ -44,10 +44,11 @@ refresh: $(READY)  ## run every notebook in place and store it normalised: a sec
 	@$(RUN) -m trackhelpers.suite refresh
 
 lock: $(READY)  ## resolve pyproject.toml's ranges into environment.txt anew (UPGRADE= keeps the pins that still fit)
-	@$(RUN) -m uv pip compile --quiet $(UPGRADE) --no-header --all-extras --universal pyproject.toml -o environment.txt
+	@$(RUN) -m uv pip compile --quiet $(UPGRADE) --no-header $(EXTRAS) --universal pyproject.toml -o environment.txt
 	@echo "environment.txt is written; the next make installs it."
 
 UPGRADE ?= --upgrade
+EXTRAS := $(foreach extra,fast lab book test bench lock,--extra $(extra))  # not the peers of the benchmarks, which are large
 
 bench: $(READY)  ## measure speed
 	@$(RUN) -m benchmarks

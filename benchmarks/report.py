@@ -9,8 +9,8 @@ import numpy as np
 from matplotlib.figure import Figure
 from threadpoolctl import threadpool_info
 
-from benchmarks.climit import NotAvailable, compiler
-from trackhelpers import compiled
+from benchmarks.cloop import NotAvailable, compiler
+from trackhelpers import fused
 from trackhelpers.plots import COLOURS
 
 NAMES = {
@@ -18,8 +18,9 @@ NAMES = {
     "filterpy": "filterpy, model by hand",
     "filterpy redrawn": "filterpy, model by hand, points redrawn, angles wrapped",
     "filterpy IMM": "filterpy's IMMEstimator on two KalmanFilters",
-    "NumPy alone": "ensemble without numba",
-    "C": "C with SIMD",
+    "NumPy alone": "ensemble without llvmlite",
+    "C": "a loop in C",
+    "JAX": "JAX, vmap and scan",
 }
 STYLES = {
     "ours": ("blue", "o"),
@@ -31,6 +32,7 @@ STYLES = {
     "Stone Soup": ("purple", "v"),
     "simdkalman": ("purple", "v"),
     "C": ("green", "D"),
+    "JAX": ("vermillion", "P"),
 }
 
 
@@ -41,10 +43,10 @@ def machine():
     if info.exists():
         cpu = next((line.split(":", 1)[1].strip() for line in info.read_text().splitlines() if line.startswith("model name")), cpu)
     found = np.show_config(mode="dicts").get("SIMD Extensions", {}).get("found", [])
-    numba = f"numba {version('numba')}" if compiled.njit else "no numba"
+    compiler_used = f"llvmlite {version('llvmlite')}" if fused.binding else "no llvmlite"
     lines = [
         f"{cpu}, {os.cpu_count()} cores, {platform.system()}",
-        f"Python {platform.python_version()}, NumPy {np.__version__} ({found[-1] if found else 'its baseline'}), {numba}, one thread",
+        f"Python {platform.python_version()}, NumPy {np.__version__} ({found[-1] if found else 'its baseline'}), {compiler_used}, one thread",
     ]
     kernels = sorted({f"{pool['internal_api']} {pool['version']} ({pool.get('architecture', '?')})" for pool in threadpool_info()})
     lines.append(f"BLAS kernel: {', '.join(kernels) or 'none found'}")
@@ -107,7 +109,7 @@ def single(singles, agreement, costs):
     return [*lines, "", f"Largest difference from the same filter in x, P and NEES: {worst:.0e}.", ""]
 
 
-def markdown(workloads, singles, agreement, one, by_runs, by_steps, runs_of_steps, parallel, skipped):
+def markdown(workloads, singles, agreement, one, by_runs, by_steps, by_size, least, runs_of_steps, parallel, skipped):
     """The whole report."""
     lines = [
         "# What the ensemble costs",
@@ -131,6 +133,13 @@ def markdown(workloads, singles, agreement, one, by_runs, by_steps, runs_of_step
     lines += single(singles, agreement, one)
     lines += [f"## Cost against the number of steps ({workloads[0].key}, M = {runs_of_steps:,})", ""]
     lines += table("steps N", list(by_steps), by_steps)
+    lines += ["", f"## Cost against the size of the state (linear models with an own covariance a run and NEES, M = {runs_of_steps:,})", ""]
+    lines += table("components n", list(by_size), by_size)
+    if least is not None:
+        lines += ["", "## The bound", ""]
+        lines += [
+            f"The arithmetic of a step of the EKF with NEES alone takes {least:.0f} ns a run at the rate that this processor reaches on one core (benchmarks/bound.py)."
+        ]
     seconds, gain = parallel
     lines += ["", "## Two processes", ""]
     lines += [f"`monte_carlo` on chunks of {seconds:.2g} s: ×{gain:.2f} as fast with `n_jobs=2` as with one process."]
@@ -139,12 +148,14 @@ def markdown(workloads, singles, agreement, one, by_runs, by_steps, runs_of_step
     return "\n".join(lines) + "\n"
 
 
-def figure(workloads, by_runs, by_steps, runs_of_steps):
+def figure(workloads, by_runs, by_steps, least, runs_of_steps):
     """Cost a step and run against M, one panel a workload, and time of a whole run against N."""
     fig = Figure(figsize=(11, 6.5), dpi=100, layout="constrained")
     axes = fig.subplots(2, 2).ravel()
     for ax, workload in zip(axes, workloads, strict=False):
         _lines(ax, by_runs[workload.key], lambda size: 1e-3)
+        if least is not None and workload is workloads[0]:
+            ax.axhline(least * 1e-3, color="#555555", linestyle="--", linewidth=1, label="its arithmetic")
         ax.set(title=workload.key, xlabel="runs M", ylabel="cost a step and run (µs)")
     _lines(axes[-1], by_steps, lambda N: N * 1e-9 * runs_of_steps)
     axes[-1].set(title=f"{workloads[0].key}, M = {runs_of_steps:,}", xlabel="steps N", ylabel="time of all runs (s)")

@@ -10,11 +10,11 @@ from time import perf_counter
 
 import numpy as np
 
-from benchmarks import report, workloads
-from benchmarks.climit import NotAvailable, c_loop, compiler
-from benchmarks.peers import by_hand, loops, simd, stone_soup
+from benchmarks import bound, report, workloads
+from benchmarks.cloop import NotAvailable, c_loop, compiler
+from benchmarks.peers import by_hand, jax_ekf, loops, simd, stone_soup
 from benchmarks.timing import interleaved
-from trackhelpers import angles, compiled
+from trackhelpers import angles, fused
 from trackhelpers.ensemble import monte_carlo
 
 TOLERANCE = 1e-9  # in x, P and NEES, SI units and rad: the filters are the same, only the order of the operations differs
@@ -47,7 +47,7 @@ EKF = Workload(
     workloads.ctrv_problem,
     workloads.ensemble_ekf,
     {"filterpy": by_hand.filterpy_ekf, "MotionEKF": loops.motion_ekf, "Stone Soup": stone_soup.stone_soup_ekf},
-    {"NumPy alone": workloads.numpy_alone(workloads.ensemble_ekf), "C": c_loop},
+    {"NumPy alone": workloads.numpy_alone(workloads.ensemble_ekf), "JAX": jax_ekf.jax_ekf, "C": c_loop},
 )
 KF = Workload(
     "KF",
@@ -67,6 +67,16 @@ UKF = Workload(
     steps=30,
 )
 WORKLOADS = (EKF, KF, UKF)
+
+
+def of_size(n):
+    """A linear model of n components under the EKF with NEES, each run with its own covariance."""
+    return Workload(
+        f"n = {n}", "", partial(workloads.chain_problem, n), workloads.ensemble_ekf, {"filterpy": by_hand.filterpy_kf}, same=False
+    )
+
+
+SIZES = (4, 6, 9, 18)
 
 _ekf, _by_hand = (partial(contender, with_nees=False) for contender in (loops.motion_ekf, by_hand.filterpy_ekf))
 _redrawn = partial(by_hand.filterpy_ukf, redrawn=True)
@@ -96,11 +106,11 @@ SINGLES = (
 
 def reason_to_skip(label):
     """Why a contender cannot run here, or None."""
-    package = {"Stone Soup": "stonesoup", "simdkalman": "simdkalman"}.get(label)
+    package = {"Stone Soup": "stonesoup", "simdkalman": "simdkalman", "JAX": "jax"}.get(label)
     if package is not None and importlib.util.find_spec(package) is None:
         return f"the package {package} is not installed"
-    if label == "NumPy alone" and compiled.njit is None:
-        return "numba is not there, so the ensemble is NumPy alone"
+    if label == "NumPy alone" and fused.binding is None:
+        return "llvmlite is not there, so the ensemble is NumPy alone"
     if label == "C":
         try:
             compiler()
@@ -189,17 +199,22 @@ def main(arguments=None):
     if options.single:
         print("\n".join(report.single(SINGLES, agreement, one)))
         return 0
-    by_runs, by_steps = {}, measure(EKF, [(runs, N) for N in lengths], rounds, labels=("filterpy", "C"))
+    by_runs, by_steps = {}, measure(EKF, [(runs, N) for N in lengths], rounds, labels=("filterpy", "JAX", "C"))
     by_steps = {N: cost for (_, N), cost in by_steps.items()}
     for w in WORKLOADS:
         costs = measure(w, [(M, 20 if options.quick else w.steps) for M in sizes], rounds)
         by_runs[w.key] = {M: cost for (M, _), cost in costs.items()}
+    by_size = {}
+    for n in (4,) if options.quick else SIZES:
+        w = of_size(n)
+        by_size[n] = measure(w, [(runs, 5 if options.quick else 50)], rounds)[runs, 5 if options.quick else 50]
+    least = bound.operations(EKF.problem(1, 2)) * bound.nanoseconds_an_operation() if fused.binding else None
     parallel = speed_up(2, 5, 10, 1) if options.quick else speed_up(16, 1000, 200, 3)
     skipped = {label: reason_to_skip(label) for w in WORKLOADS for label in w.others if reason_to_skip(label)}
 
-    text = report.markdown(WORKLOADS, SINGLES, agreement, one, by_runs, by_steps, runs, parallel, skipped)
+    text = report.markdown(WORKLOADS, SINGLES, agreement, one, by_runs, by_steps, by_size, least, runs, parallel, skipped)
     print(text)
     if not options.quick:
         (options.out / "results.md").write_text(text, encoding="utf-8")
-        report.figure(WORKLOADS, by_runs, by_steps, runs).savefig(options.out / "cost.png")
+        report.figure(WORKLOADS, by_runs, by_steps, least, runs).savefig(options.out / "cost.png")
     return 0

@@ -6,7 +6,7 @@ language = "en"
 root_doc = "00_start_here"
 exclude_patterns = ["_build", "jupyter_execute", "**.ipynb_checkpoints"]
 
-extensions = ["myst_nb", "sphinx-mathjax-offline"]
+extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "sphinx-mathjax-offline"]
 myst_enable_extensions = ["amsmath", "dollarmath"]
 myst_heading_anchors = 3
 nb_execution_mode = "off"  # they were run before
@@ -14,6 +14,14 @@ nb_ipywidgets_js = {}  # the scripts of live widgets would come from the network
 nb_merge_streams = True
 nb_output_stderr = "error"
 nb_render_markdown_format = "myst"  # captions and ledgers link to pages and hold formulas
+
+autodoc_member_order = "bysource"
+autodoc_typehints = "none"
+default_role = "code"  # in docstrings
+napoleon_google_docstring = False
+napoleon_use_rtype = False
+napoleon_use_ivar = True
+suppress_warnings = ["ref.python"]  # a letter such as S is an attribute of more than one class
 
 html_theme = "sphinx_book_theme"
 html_title = project

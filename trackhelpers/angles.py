@@ -7,6 +7,9 @@ from math import cos, pi, sin
 
 import numpy as np
 
+from trackhelpers import symbols
+from trackhelpers.symbols import Symbol
+
 NAMES = ("θ", "Φ", "ψ")  # of components that are angles in every layout of this package
 
 
@@ -55,6 +58,8 @@ def cos_sin(angle):
     """
     if type(angle) is float:
         return cos(angle), sin(angle)
+    if isinstance(angle, Symbol):
+        return symbols.cos_sin(angle)
     t = np.tan(np.multiply(angle, 0.5))
     square = t * t
     scale = 1 / (1 + square)

@@ -6,7 +6,7 @@ With the runs last each operation is a plain loop over a few components whose ev
 
 import numpy as np
 
-from trackhelpers import compiled
+from trackhelpers import fused
 from trackhelpers.checks import all_finite as all_finite
 from trackhelpers.checks import check_angles as check_angles
 from trackhelpers.checks import check_array as check_array
@@ -125,8 +125,8 @@ def eliminate(S, below):
 
 def mahalanobis(y, S):
     """yᵀS⁻¹y for y (m, ...) and S (m, m, ...), by symmetric elimination; NaN where S is not positive definite."""
-    if compiled.serves(S) and y.shape == S.shape[1:]:
-        return compiled.mahalanobis(np.ascontiguousarray(y), np.ascontiguousarray(S))
+    if y.ndim == 2 and y.shape == S.shape[1:] and (total := fused.mahalanobis(y, S)) is not None:
+        return total
     A, D = eliminate(S, y[None])
     with np.errstate(invalid="ignore", over="ignore"):
         return np.einsum("j...,j...->...", A[-1] * D, A[-1])

@@ -67,7 +67,7 @@ def fix(d, satellites, near=None):
 def candidates(d, satellites, seen=True):
     """All points of the sea with the range differences d: shape (3, 4, ...), NaN where there are fewer than four.
 
-    (s_i − s_0)·p = ½[(s_i − s_0)·(s_i + s_0) − d_i²] − d_i r_0 and s_0·p = ½(R² + |s_0|² − r_0²) give p as a quadratic in r_0, and |p|² = R² a quartic. Roots count that
+    ``(s_i − s_0)·p = ½[(s_i − s_0)·(s_i + s_0) − d_i²] − d_i r_0`` and ``s_0·p = ½(R² + |s_0|² − r_0²)`` give p as a quadratic in r_0, and ``|p|² = R²`` a quartic. Roots count that
     are real with r_0 > 0 and r_0 + d_i > 0; R becomes the Earth's radius there, and Newton's iteration on d_1, d_2 and the ellipsoid takes off the rest.
 
     Parameters

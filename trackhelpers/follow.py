@@ -3,6 +3,7 @@
 from typing import NamedTuple
 
 import numpy as np
+from scipy.stats import chi2
 
 from trackhelpers import angles as _angles
 from trackhelpers.arrays import check_dt, divide
@@ -19,10 +20,12 @@ class History:
     x (n, N[, M]), P (n, n, N[, M]) : the filter's `estimate` and `estimate_P`
     y (m, N[, M]), S (m, m, N[, M]) : innovations and their covariances, m the largest measurement; NaN where there is nothing
         Each of them, and any other attribute that was asked for, only where it was kept.
+    outliers : tuple of int
+        The measurements that the gate kept out.
     """
 
-    def __init__(self, filter, t, kept, steps):
-        self.filter, self.t, self._steps = filter, t, steps
+    def __init__(self, filter, t, kept, steps, outliers=()):
+        self.filter, self.t, self._steps, self.outliers = filter, t, steps, outliers
         for name, value in kept.items():
             setattr(self, name, value)
         self._kept = tuple(kept)
@@ -49,7 +52,7 @@ class _Step(NamedTuple):
     P: np.ndarray
 
 
-def follow(kf, zs, sensors=None, dt=None, t0=0.0, Rs=None, masks=None, keep=None):
+def follow(kf, zs, sensors=None, dt=None, t0=0.0, Rs=None, masks=None, keep=None, gate=None):
     """Run a filter of one target, or an ensemble, over a sequence of measurements.
 
     For each k: predict over dt[k], take the sensor as it is at t0 + dt[0] + … + dt[k] (`Sensor.at`), correct by zs[k].
@@ -72,6 +75,9 @@ def follow(kf, zs, sensors=None, dt=None, t0=0.0, Rs=None, masks=None, keep=None
         For an ensemble: booleans (M,), the runs that are measured, or None for all.
     keep : sequence of str, optional
         What to keep: "x", "P", "y", "S", or any attribute of the filter (K, mu, …). By default x, P, y and S; of an ensemble x alone, which is large enough.
+    gate : float, optional
+        Of one target's filter: a measurement whose NIS exceeds the chi-square quantile of this probability is an outlier, and taken as missed; of a bank of filters, the
+        smallest of their NIS. Bar-Shalom, Li and Kirubarajan (2001), section 2.4.2 for the test.
 
     Returns
     -------
@@ -80,16 +86,18 @@ def follow(kf, zs, sensors=None, dt=None, t0=0.0, Rs=None, masks=None, keep=None
     Raises
     ------
     ValueError
-        Sequences of another length than zs, before anything is moved; what predict and update raise, with the index of the measurement, at which the filter then stands.
+        Sequences of another length than zs or a gate that is no probability, before anything is moved; what predict and update raise, with the index of the measurement, at which the filter then stands.
     """
     zs = list(zs)
     sensors, steps, Rs, masks = (_each(value, name, zs) for value, name in ((sensors, "sensors"), (dt, "dt"), (Rs, "Rs"), (masks, "masks")))
     steps = None if steps is None else [check_dt(step, "dt") for step in steps]
     t = t0 + (np.arange(1, len(zs) + 1) if steps is None else np.cumsum(steps))
     many = hasattr(kf, "runs")
+    if gate is not None and (many or not 0 < gate < 1):
+        raise ValueError(f"gate: expected a probability between 0 and 1, and a filter of one target, got {gate!r} and {type(kf).__name__}")
     keep = (("x",) if many else ("x", "P", "y", "S")) if keep is None else tuple(keep)
     kept, smoothable = {name: [] for name in keep}, getattr(kf, "smoothable", False)
-    passed = []
+    passed, outliers = [], []
     for k, z in enumerate(zs):
         P_before = kf.P
         try:
@@ -97,14 +105,18 @@ def follow(kf, zs, sensors=None, dt=None, t0=0.0, Rs=None, masks=None, keep=None
             if smoothable:
                 cross = kf.cross if hasattr(kf, "cross") else P_before @ kf.F.T
                 prior = kf.x.copy(), kf.P.copy(), cross
-            kf.update(z, **_arguments(k, t[k], sensors, Rs, masks))
+            arguments = _arguments(k, t[k], sensors, Rs, masks)
+            if gate is None or z is None:
+                kf.update(z, **arguments)
+            elif not _update_within(kf, z, gate, arguments):
+                outliers.append(k)
         except ValueError as error:
             raise ValueError(f"zs[{k}]: {error}") from error
         if smoothable:
             passed.append(_Step(*prior, kf.x.copy(), kf.P.copy()))
         for name, values in kept.items():
             values.append(np.array(getattr(kf, {"x": "estimate", "P": "estimate_P"}.get(name, name)), dtype=float))
-    return History(kf, t, {name: _stacked(values, many) for name, values in kept.items()}, passed if smoothable else None)
+    return History(kf, t, {name: _stacked(values, many) for name, values in kept.items()}, passed if smoothable else None, tuple(outliers))
 
 
 def smooth(history):
@@ -145,6 +157,20 @@ def smooth(history):
         P = now.P + G @ (Ps[-1] - ahead.P_prior) @ G.T
         Ps.append((P + P.T) / 2)
     return Smoothed(np.stack(xs[::-1], axis=-1), np.stack(Ps[::-1], axis=-1))
+
+
+def _update_within(kf, z, gate, arguments):
+    """Correct by z unless its NIS lies beyond the gate; then the filter stands where a missed scan leaves it. Return whether it was taken."""
+    bank = getattr(kf, "filters", ())
+    before = [(each, each.__dict__.copy()) for each in (kf, *bank)]  # updates put new arrays in the place of old ones
+    kf.update(z, **arguments)
+    if min(each.mahalanobis**2 for each in bank or (kf,)) <= chi2.ppf(gate, len(z)):
+        return True
+    for each, attributes in before:
+        each.__dict__.clear()
+        each.__dict__.update(attributes)
+    kf.update(None, **arguments)
+    return False
 
 
 def _arguments(k, t, sensors, Rs, masks):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from trackhelpers.ensemble import EnsembleEKF, EnsembleKF
-from trackhelpers.filters import MatrixKF, MotionEKF, MotionKF, MotionSquareRootUKF, MotionUKF
+from trackhelpers.filters import MatrixKF, MotionEKF, MotionIMM, MotionKF, MotionSquareRootUKF, MotionUKF
 from trackhelpers.follow import follow, smooth
 from trackhelpers.motion import CTRV, CV
 from trackhelpers.sensors import Lidar, LinearSensor, Position, Radar
@@ -167,3 +167,44 @@ def test_what_cannot_be_smoothed_is_said():
         smooth(follow(ens, [None], SENSOR, 0.1))
     with pytest.raises(ValueError, match="history"):
         smooth("a track")
+
+
+@pytest.mark.parametrize("Filter", SINGLES)
+def test_what_the_gate_keeps_out_is_a_missed_scan(Filter):
+    wild = [*ZS[:3], np.array([1e3, 0.0]), *ZS[4:]]
+    gated, missed = (Filter(MODEL, np.zeros(4), np.eye(4)) for _ in range(2))
+    history = follow(gated, wild, SENSOR, STEPS, gate=0.9999)
+    other = follow(missed, [*ZS[:3], None, *ZS[4:]], SENSOR, STEPS)
+    assert history.outliers == (3,) and other.outliers == ()
+    np.testing.assert_array_equal(history.x, other.x)
+    np.testing.assert_array_equal(history.P, other.P)
+    np.testing.assert_array_equal(smooth(history).x, smooth(other).x)
+
+
+def test_a_gate_passes_as_many_as_it_says():
+    rng, model, N = np.random.default_rng(3), CV(0.001), 4000
+    x, zs = np.zeros(4), []
+    for _ in range(N):
+        x = model.f(x, 1.0) + model.G(x, 1.0) @ rng.normal(0, 0.001, 2)
+        zs.append(x[[0, 2]] + rng.normal(0, 0.3, 2))
+    kf = MotionKF(model, np.zeros(4), np.eye(4))
+    outside = len(follow(kf, zs, SENSOR, 1.0, gate=0.95).outliers) / N
+    assert 0.04 < outside < 0.06  # where the measurement's noise rules; where the motion's does, a gate so narrow loses the target
+
+
+def test_the_gate_of_a_bank_is_its_best_model_s():
+    still, fast = (MotionKF(CV(sigma), np.zeros(4), np.eye(4)) for sigma in (0.01, 100.0))
+    bank = MotionIMM([still, fast], [0.5, 0.5], [[0.9, 0.1], [0.1, 0.9]])
+    history = follow(bank, [np.zeros(2), np.array([30.0, 0]), np.array([1e6, 0])], SENSOR, 1.0, keep=("x",), gate=0.999)
+    assert history.outliers == (2,)
+
+
+@pytest.mark.parametrize("gate", [0, 1, -0.5, float("nan")])
+def test_a_gate_is_a_probability(gate):
+    with pytest.raises(ValueError, match="gate"):
+        follow(MotionKF(MODEL, np.zeros(4), np.eye(4)), ZS, SENSOR, STEPS, gate=gate)
+
+
+def test_an_ensemble_has_no_gate():
+    with pytest.raises(ValueError, match="gate"):
+        follow(EnsembleKF(MODEL, np.zeros((4, 3)), np.eye(4)), [None], SENSOR, 1.0, gate=0.9)

@@ -10,6 +10,7 @@ from trackhelpers.ledger.reading import EXTRA_COLUMNS
 
 def write(folder, monkeypatch, notebook="2_kalman_filter", ours=1.0, note="", residual=2e-16, ids=("cell", "equation")):
     monkeypatch.setenv("TRACKHELPERS_RESULTS", str(folder))
+    monkeypatch.setenv("TRACKHELPERS_QUESTIONS", str(folder / "none"))
     ledger = Ledger("1_thesis", notebook)
     ledger.cell(ids[0], "Table 9", "RMSE, x", "1.0", ours, note=note)
     ledger.equation(ids[1], "(2.11)", "gain", residual)

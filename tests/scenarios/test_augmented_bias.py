@@ -121,3 +121,11 @@ def test_settling_is_counted_from_the_change_to_the_last_sample_outside():
     assert runs.settling_time(bias, 1.0, 2, 7) == 3
     assert runs.settling_time(bias, 10.0, 2, 7) == 0
     assert runs.settling_time(bias, 1.0, 2, 4) == 3
+
+
+def test_scores_without_consistency_have_the_same_errors_and_no_nees():
+    cast = [c.augmented(), c.strong_tracking(), c.interacting()]
+    whole, quick = (runs.score(cast, 20, 3, consistency=consistency) for consistency in (True, False))
+    for name, each in quick.items():
+        np.testing.assert_allclose(each.by_run, whole[name].by_run, rtol=1e-12)
+        assert np.isnan(each.nees).all() and np.isnan(each.nis).all()

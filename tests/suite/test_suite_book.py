@@ -6,6 +6,7 @@ import nbformat
 import pytest
 
 from trackhelpers.suite import book, form
+from trackhelpers.suite.for_the_book import plain
 from trackhelpers.suite.run import run
 
 SHOW = """import matplotlib.pyplot as plt
@@ -93,4 +94,4 @@ def test_folded_bookkeeping_has_a_prompt_of_its_own(store, tmp_path):
     [("**Figure 1.** A $x_k$ *and* `y`", "Figure 1. A x_k and y"), ("a * b [c](d.md#e) x_1_2", "a * b c x_1_2"), ("2*3 **b**", "2*3 b")],
 )
 def test_alt_text_is_the_caption_without_its_markup(caption, read):
-    assert book.plain(caption) == read
+    assert plain(caption) == read

@@ -6,7 +6,7 @@ H has a few entries, and K has as many columns as the sensor has components.
 
 import numpy as np
 
-from trackhelpers import compiled
+from trackhelpers import fused
 from trackhelpers.arrays import eliminate
 
 
@@ -27,9 +27,8 @@ def propagate(P, transition, noise):
         Exactly symmetric.
     """
     difference = {(i, j): value - 1 if i == j else value for (i, j), value in transition.items()}  # F − I
-    if compiled.serves(P):
-        runs = P.shape[2]
-        return compiled.propagate(np.ascontiguousarray(P), *compiled.stacked(difference, runs), *compiled.stacked(noise, runs))
+    if (propagated := fused.propagate(P, difference, noise)) is not None:
+        return propagated
     D, whole = gathered(difference, P.shape[2:]), P.copy()
     _add_left(whole, D, P)
     _add_right(whole, whole.copy(), D)
@@ -106,8 +105,8 @@ def correct(P, entries, R):
         NaN in the runs whose S is not positive definite.
     """
     R = R.reshape(*R.shape, *[1] * (3 - R.ndim))
-    if compiled.serves(P):
-        return compiled.correct(np.ascontiguousarray(P), *compiled.stacked(entries, P.shape[2]), np.array(R))
+    if (corrected := fused.correct(P, entries, R)) is not None:
+        return corrected
     H, m = gathered(entries, P.shape[2:]), len(R)
     PHt, S = np.zeros((len(P), m, *P.shape[2:])), np.empty((m, m, *P.shape[2:]))
     S[:] = R

@@ -9,7 +9,7 @@ A run that diverges or whose innovation covariance is no longer positive definit
 
 import numpy as np
 
-from trackhelpers import angles
+from trackhelpers import angles, fused
 from trackhelpers.arrays import check_dt, cholesky, matvec
 from trackhelpers.ensemble.base import QUIET, Ensemble
 from trackhelpers.ensemble.covariance import correct, gain, mirror, propagate
@@ -46,6 +46,9 @@ class EnsembleEKF(Ensemble):
         self.x, self.P = _linearised(self, check_dt(dt))
 
     def _corrected(self, x, P, z, sensor, R):
+        corrected = fused.update(sensor, self.model, x, P, z, R) if self.iterations == 1 else None
+        if corrected is not None:
+            return corrected
         with np.errstate(**QUIET):
             z_hat, entries = sensor.linearised(x)
             K, S, corrected = correct(P, entries, R)
@@ -150,6 +153,9 @@ class EnsembleUKF(Ensemble):
 
 def _linearised(ens, dt):
     """x and P of the runs after `dt` seconds by the model's F."""
+    moved = fused.predict(ens.model, ens.x, ens.P, dt)
+    if moved is not None:
+        return moved
     with np.errstate(**QUIET):
         x, transition, noise = ens.model.linearised(ens.x, dt)
         P = propagate(ens.P, transition, noise)

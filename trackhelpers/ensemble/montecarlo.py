@@ -19,7 +19,7 @@ _ON_CLUSTER = 256  # chunks that a cluster holds at a time
 
 
 def standard_normal(rngs, shape):
-    """Independent standard normal numbers, one block a run: shape (*shape, M) for M generators.
+    """Independent standard normal numbers, one block a run: shape ``(*shape, M)`` for M generators.
 
     Each run draws its own block from its own generator, so its numbers do not depend on which other runs share the chunk.
     """

@@ -3,24 +3,34 @@
 The matrices are so small that a step is a matter of how many calls it takes. Where numba is installed it takes two.
 """
 
+import os
+
 import numpy as np
 from scipy.linalg.lapack import dposv
 
-from trackhelpers import compiled
 from trackhelpers.arrays import symmetrised
 from trackhelpers.ensemble.base import QUIET
+
+try:
+    if os.environ.get("TRACKHELPERS_COMPILED") == "0":
+        raise ImportError
+    from numba import njit
+except ImportError:
+    njit = None
+
+LEAST_RUNS = 32  # below that, NumPy's products are as quick
 
 
 def predict(x, P, F, Q):
     """F x and F P Fᵀ + Q."""
-    if compiled.serves(x[None]):
+    if njit is not None and x.shape[1] >= LEAST_RUNS:
         return _predict_compiled(*map(_plain, (x, P)), F, Q)
     return F.dot(x), F.dot(P).dot(F.T) + Q
 
 
 def correct(x, P, z, H, R):
     """x, P, y, S and K of one update, P in Joseph's form as in `trackhelpers.ensemble.covariance.correct`; K is NaN where S is singular."""
-    if compiled.serves(x[None]):
+    if njit is not None and x.shape[1] >= LEAST_RUNS:
         *corrected, positive = _correct_compiled(*map(_plain, (x, P, z)), H, R)
         if positive:
             return corrected
@@ -45,9 +55,10 @@ def _plain(array):
     return np.ascontiguousarray(array, dtype=float)
 
 
-if compiled.njit is not None:
+if njit is not None:
+    compiled = njit(cache=True, error_model="numpy", fastmath={"contract"})
 
-    @compiled.compiled
+    @compiled
     def _add(C, sign, A, B):
         """C ± A B in place."""
         for i in range(A.shape[0]):
@@ -58,11 +69,11 @@ if compiled.njit is not None:
                         C[i, r] += factor * B[k, r]
         return C
 
-    @compiled.compiled
+    @compiled
     def _predict_compiled(x, P, F, Q):
         return _add(np.zeros_like(x), 1.0, F, x), _add(Q.copy(), 1.0, _add(np.zeros_like(P), 1.0, F, P), F.T)
 
-    @compiled.compiled
+    @compiled
     def _correct_compiled(x, P, z, H, R):
         """`correct`, and whether it found S positive definite."""
         m = len(R)

@@ -1,137 +1,82 @@
-"""Section 4.1: which filter printed Tables 3 and 4? Thousands of variants of the printed one, run as one ensemble and scored against both tables.
+"""Section 4.1: which filter printed Tables 3 and 4? The variants of `ca_variants`, scored against both tables.
 
-A variant is a place on an axis; only time is a Python loop (and blocks of variants, to stay within the processor's cache).
+Variants are taken in blocks, to stay within the processor's cache.
 """
 
-from itertools import product
 from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
 from scipy import stats
 
-from trackhelpers.scenarios.thesis.ca_source import STEPS, T, condition, table_3, truth
+from trackhelpers.forensics.ca_variants import gains, respond, variants_of
+from trackhelpers.published import published
+from trackhelpers.scenarios.thesis.ca_source import SIGMA, truth
+
+EVERY = 5  # samples from one row of Table 3 to the next
+COLUMNS = ("x_filtered", "v_filtered", "a_filtered")  # of Table 3
 
 
-def _transition(half, column=True):
-    A = np.array([[1.0, T, half], [0, 1, T], [0, 0, 1]])
-    A[:2, 2] *= column
-    return A
+class Printed(NamedTuple):
+    """Table 3 without its headings: what was measured and filtered at samples 0, 5, …, 60, and how finely it was printed."""
+
+    samples: np.ndarray  # (13,)
+    measured: np.ndarray  # (13,), m
+    measured_rounding: float  # half a unit of the last digit
+    filtered: np.ndarray  # (12, 3) x, v, a; row 0 is the start and tells nothing
+    rounding: np.ndarray  # (12, 3) half a unit of the last digit of each
 
 
-A = _transition(T**2 / 2)
-_LEFT_OUT, _TWICE_T, _NO_HALF, _NO_COLUMN = np.eye(3), _transition(T / 2), _transition(T**2), _transition(0.0, column=False)
-
-STATE = {  # x⁻ from the last x; "prior" is (2.9) as printed, from the last x⁻
-    "A": A,
-    "left out": _LEFT_OUT,
-    "T/2 for T²/2": _TWICE_T,
-    "T² for T²/2": _NO_HALF,
-    "no acceleration": _NO_COLUMN,
-    "prior (2.9)": A,
-}
-COVARIANCE = {  # P⁻ − Q from the last P: the factor before it, whether it is transposed, the factor behind it
-    "A P Aᵀ": (A, False, A.T),
-    "left out": (_LEFT_OUT, False, _LEFT_OUT),
-    "T/2 for T²/2": (_TWICE_T, False, _TWICE_T.T),
-    "T² for T²/2": (_NO_HALF, False, _NO_HALF.T),
-    "no acceleration": (_NO_COLUMN, False, _NO_COLUMN.T),
-    "A P A": (A, False, A),
-    "Aᵀ P A": (A.T, False, A),
-    "Aᵀ P Aᵀ": (A.T, False, A.T),
-    "A (P Aᵀ)ᵀ": (A @ A, True, np.eye(3)),
-}
-QUOTIENTS = tuple(
-    4.0**k for k in np.arange(-2, 2.5, 0.5)
-)  # of Q and R, each scaled by 1/4, 1/2, 1, 2, 4: only Q/R enters the gain, for P0 is 0
-GAIN = {"from P⁻": False, "from P": True}
-LATE = (0, 1)  # samples by which the measurement is late
+def table_3():
+    """Return Table 3 as numbers, a `Printed`. Its measured column has two decimals, of which trailing zeros are not printed."""
+    frame = published("thesis", 3, numeric=True)
+    filtered = frame[list(COLUMNS)].to_numpy()[1:]
+    rounding = 0.5 * 10.0 ** (np.floor(np.log10(filtered)) - 2)  # three significant digits
+    return Printed(EVERY * np.arange(len(frame)), frame["y_measured"].to_numpy(), 0.005, filtered, rounding)
 
 
-class Family(NamedTuple):
-    """Variants of the filter, V of them."""
+def condition(response, printed, variance=SIGMA**2):
+    """Distribution of the filtered columns of Table 3, given its measured column.
 
-    settings: pd.DataFrame  # V rows: state, covariance, Q/R, gain, late
-    F: np.ndarray  # (3, 3, V)
-    open_loop: np.ndarray  # (V,) bool
-    left: np.ndarray  # (3, 3, V)
-    transposed: np.ndarray  # (V,) bool
-    right: np.ndarray  # (3, 3, V)
+    A linear filter started at zero makes of the measurements z the row values L z. Of the 61 measurements up to t = 3 s thirteen are printed; the others are
+    the truth and independent Gaussian noise, so the rows are Gaussian, and nothing has to be drawn. What rounding hides, of z as of the rows, is taken as
+    independent and uniform and enters with its variance.
 
+    Parameters
+    ----------
+    response : array_like, shape (36, 61, ...)
+        L: rows x, v, a of the second printed row, of the third, and so on; one column a measurement.
+    printed : Printed
+    variance : float
+        Of the noise, m².
 
-def family(state=tuple(STATE), covariance=tuple(COVARIANCE), quotients=QUOTIENTS, gain=tuple(GAIN), late=LATE):
-    """All combinations of the settings that are named, a `Family`; by default the whole grid.
-
-    Raises
-    ------
-    ValueError
-        For a setting that is none of `STATE`, `COVARIANCE`, `GAIN`, `LATE`, or a quotient Q/R that is not positive.
+    Returns
+    -------
+    mean : numpy.ndarray, shape (36, ...)
+    covariance : numpy.ndarray, shape (36, 36, ...)
+        Positive definite, if only by the rounding.
     """
-    for name, wanted, known in (
-        ("state", state, STATE),
-        ("covariance", covariance, COVARIANCE),
-        ("gain", gain, GAIN),
-        ("late", late, LATE),
-    ):
-        if isinstance(wanted, str) or not wanted or not set(wanted) <= set(known):
-            raise ValueError(f"{name}: expected some of {list(known)}, got {wanted!r}")
-    if len(quotients) == 0 or not all(np.isfinite(q) and q > 0 for q in quotients):
-        raise ValueError(f"quotients: expected positive numbers, got {quotients!r}")
-    return _family(pd.DataFrame(product(state, covariance, quotients, gain, late), columns=["state", "covariance", "Q/R", "gain", "late"]))
-
-
-def _family(settings):
-    left, transposed, right = zip(*(COVARIANCE[name] for name in settings["covariance"]), strict=True)
-    F = [STATE[name] for name in settings["state"]]
-    open_loop = settings["state"].to_numpy() == "prior (2.9)"
-    return Family(settings, np.stack(F, -1), open_loop, np.stack(left, -1), np.array(transposed), np.stack(right, -1))
-
-
-def gains(variants, steps=STEPS):
-    """Gain of each variant at samples 0 … steps − 1, the first zero, for there the filter only starts; shape (steps, 3, V)."""
-    Q = np.eye(3)[..., None]
-    R = 1 / variants.settings["Q/R"].to_numpy()
-    posterior = np.array([GAIN[name] for name in variants.settings["gain"]])
-    P, K = np.zeros((3, 3, len(R))), np.zeros((steps, 3, len(R)))
-    for k in range(1, steps):
-        P = np.where(variants.transposed, P.swapaxes(0, 1), P)
-        P = np.einsum("ijv,jkv,klv->ilv", variants.left, P, variants.right, optimize=True) + Q
-        K[k] = P[:, 0] / (P[0, 0] + R)
-        P = P - K[k][:, None] * P[0]  # (I − K H) P⁻, (2.13)
-        K[k] = np.where(posterior, P[:, 0] / (P[0, 0] + R), K[k])
-    return K
-
-
-def respond(variants, z, K=None):
-    """Predictions and estimates that the variants make of measurements z (N, M): two arrays (N, 3, V, M). All start at zero, at sample 0.
-
-    `K`, shape (N, 3, V), spares the computation of `gains`.
-    """
-    z = np.asarray(z, dtype=float)
-    if z.ndim != 2 or 0 in z.shape:
-        raise ValueError(f"z: expected shape (N, M), samples on the first axis and runs on the last, got {z.shape}")
-    K = gains(variants, len(z)) if K is None else K
-    F, late = variants.F[..., None], variants.settings["late"].to_numpy()[:, None]
-    prior = np.zeros((len(z), 3, F.shape[2], z.shape[1]))
-    posterior = np.zeros_like(prior)
-    for k in range(1, len(z)):
-        last = np.where(variants.open_loop[:, None], prior[k - 1], posterior[k - 1])
-        prior[k] = last  # every F of the grid is the identity but for three entries
-        prior[k, 0] += F[0, 1] * last[1] + F[0, 2] * last[2]
-        prior[k, 1] += F[1, 2] * last[2]
-        innovation = np.where(late, z[k - 1], z[k]) - prior[k, 0]
-        posterior[k] = prior[k] + K[k][..., None] * innovation
-    return prior, posterior
+    L, samples = np.asarray(response, dtype=float), printed.samples
+    rows, steps = printed.filtered.size, samples[-1] + 1
+    if L.shape[:2] != (rows, steps):
+        raise ValueError(f"response: expected shape ({rows}, {steps}, ...), got {L.shape}")
+    hidden = np.setdiff1d(np.arange(steps), samples)
+    mean = np.einsum("ij...,j->i...", L[:, samples], printed.measured) + np.einsum("ij...,j->i...", L[:, hidden], truth(steps)[0, hidden])
+    weight = np.where(np.isin(np.arange(steps), samples), printed.measured_rounding**2 / 3, variance)
+    spread = L * np.sqrt(weight).reshape(-1, *[1] * (L.ndim - 2))
+    covariance = np.einsum("ij...,kj...->ik...", spread, spread)
+    covariance[range(rows), range(rows)] += (printed.rounding.ravel() ** 2 / 3).reshape(-1, *[1] * (L.ndim - 2))
+    return mean, covariance
 
 
 def _blocks(variants, size, steps):
     K = gains(variants, steps)
     for first in range(0, len(variants.settings), size):
-        yield _family(variants.settings.iloc[first : first + size]), K[..., first : first + size]
+        yield variants_of(variants.settings.iloc[first : first + size]), K[..., first : first + size]
 
 
 def response(variants, K=None):
-    """The rows of Table 3 as linear maps of the measurements up to t = 3 s, shape (36, 61, V): what `ca_source.condition` takes.
+    """The rows of Table 3 as linear maps of the measurements up to t = 3 s, shape (36, 61, V): what `condition` takes.
 
     The filters are linear and start at zero, so the map's columns are what they make of unit pulses. `K` as for `respond`.
     """
@@ -141,13 +86,13 @@ def response(variants, K=None):
 
 
 def chi_square(mean, covariance, filtered, rounding, columns=(0, 1, 2)):
-    """(y − mean)ᵀ covariance⁻¹ (y − mean) and the log density of printed rows y, each of shape (V,); arguments as from `ca_source.condition`.
+    """(y − mean)ᵀ covariance⁻¹ (y − mean) and the log density of printed rows y, each of shape (V,); arguments as from `condition`.
 
     Parameters
     ----------
     mean, covariance : numpy.ndarray, shapes (36, V), (36, 36, V)
     filtered, rounding : numpy.ndarray, shape (12, 3)
-        Of `ca_source.Printed`.
+        Of `Printed`.
     columns : sequence of int
         Which of x, v, a to judge.
     """

@@ -1,8 +1,8 @@
-"""Models that make the errors of the thesis's chapter 3 that one asks for, so that each can be judged apart."""
+"""CTRV with those errors of the thesis's chapter 3 that one asks for, so that each can be judged apart."""
 
 import numpy as np
 
-from trackhelpers.motion import CTRV, PolarCA
+from trackhelpers.motion import CTRV
 from trackhelpers.published import thesis_chapter_3 as printed
 
 ERRORS = ("3.8", "3.9", "3.10 columns", "3.10 factor", "3.11")
@@ -52,16 +52,4 @@ class PrintedCTRV(CTRV):
                     entries |= {place: np.where(straight, entries[place], J[place]) for place in places}
         if "3.11" in self.errors:
             entries |= {place: np.where(straight, 0.0, entries[place]) for place in [(0, 4), (1, 4)]}
-        return entries
-
-
-class PrintedPolarCA(PolarCA):
-    """`PolarCA` with (3.6) read row by row: the acceleration turns the heading and leaves the speed as it is."""
-
-    def _f(self, x, dt, arc):
-        return printed.transition_36(x, dt)
-
-    def _F(self, x, dt, arc):
-        entries = super()._F(x, dt, arc)
-        entries[2, 4] = entries.pop((3, 4))
         return entries

@@ -108,7 +108,7 @@ def summary_markdown(ledger):
 def compare(folder_a, folder_b, exclude=(), rtol=2e-5, atol=1e-9):
     """Return the differences between two folders of ledger files, a line of text each.
 
-    Numbers differ when |a − b| > atol + rtol·|a|; `rtol` forgives a flip of the sixth digit that is stored, `atol` lets the residuals of equations be what rounding makes them. Other columns are
+    Numbers differ when ``|a − b| > atol + rtol·|a|``; `rtol` forgives a flip of the sixth digit that is stored, `atol` lets the residuals of equations be what rounding makes them. Other columns are
     compared as text.
 
     Parameters

@@ -13,6 +13,7 @@ import numpy as np
 from scipy.special import spherical_jn
 
 from trackhelpers.angles import cos_sin
+from trackhelpers.symbols import Pair, Symbol, polynomial
 
 _SMALL = 0.5  # below this half angle the series of j₁, j₂ and j₃ needs no more than 7 terms for full double precision
 # Taylor coefficients of j_l(h)/h^l in h²: (−1)^k / (2^k k! (2l+2k+1)!!), lowest power first
@@ -27,6 +28,8 @@ def unit(angle):
 def _complex(real, imag):
     if type(real) is float:
         return complex(real, imag)
+    if isinstance(real, Symbol):
+        return Pair(real, imag)
     number = np.empty(np.shape(real), dtype=complex)
     number.real, number.imag = real, imag
     return number
@@ -71,6 +74,8 @@ def turn_integrals(phi, order):
         raise ValueError(f"order: expected 0, 1, 2 or 3, got {order!r}")
     if type(phi) is float:
         return _of_number(phi, order)
+    if isinstance(phi, Symbol):
+        return _of_symbol(phi, order)
     phi = np.asarray(phi, dtype=float)
     h = np.atleast_1d(0.5 * phi)
     with np.errstate(over="ignore", invalid="ignore"):  # a diverged run holds inf or NaN; and for a large h no series is used
@@ -111,6 +116,19 @@ def _of_number(phi, order):
                 value = value * square + coefficient
             j.append(power * value)
     return _combined(complex(cos, sin), *j[: order + 1])
+
+
+def _of_symbol(phi, order):
+    """`turn_integrals` of a symbol: both forms of `_of_number`, and the choice between them."""
+    h = 0.5 * phi
+    cos, sin = cos_sin(h)
+    small, j = abs(h) <= _SMALL, [np.where(h == 0.0, 1.0, sin / h)]
+    upwards = [j[0], (j[0] - cos) / h]
+    for l in range(1, order + 1):
+        series = polynomial(_SERIES[l], h * h) * h**l
+        j.append(np.where(small, series, upwards[l]))
+        upwards.append((2 * l + 1) / h * upwards[l] - upwards[l - 1])
+    return _combined(Pair(cos, sin), *j)
 
 
 def turned_moments(heading, rate, dt, order):

@@ -7,7 +7,7 @@ from trackhelpers.motion.base import MotionModel, pair
 class CTRV(MotionModel):
     """Constant turn rate and velocity, state (x, y, v, θ, ω): thesis (3.7)–(3.16), exact at ω = 0 and near it.
 
-    At rest the turn rate cannot be seen: a filter of a standing target estimates it all the same, from noise, with a false certainty (|ω|/σ up to 15 was seen).
+    At rest the turn rate cannot be seen: a filter of a standing target estimates it all the same, from noise, with a false certainty (up to 15 σ was seen).
     Where a target stands still for long, `CSAV` is the model: its turn rate is speed times curvature.
 
     Parameters

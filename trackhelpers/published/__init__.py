@@ -1,6 +1,6 @@
 """The tables of the four papers, every cell as it was printed.
 
-Each table is a CSV file beside this module. Lines that start with ``# `` hold what is not a cell: the caption, the printed headings and
+Each table is a CSV file beside this module. Lines that start with a hash hold what is not a cell: the caption, the printed headings and
 row labels, translations, and a note where the source needs one.
 """
 

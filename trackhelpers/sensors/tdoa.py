@@ -10,7 +10,7 @@ from trackhelpers.sensors.base import Sensor
 
 
 def range_differences(position, satellites):
-    """|p − s_i| − |p − s_0| for i = 1 … S − 1, without cancellation.
+    """``|p − s_i| − |p − s_0|`` for i = 1 … S − 1, without cancellation.
 
     With b = s_0 − s_i and u = p − s_0 it is c/(r_i + r_0), where c = r_i² − r_0² = b·(2u + b).
 
@@ -134,7 +134,7 @@ class StationDifferences(Sensor):
 
 
 class TDOA(StationDifferences):
-    """Range differences d_i = |p − s_i| − |p − s_0| = c (τ_i − τ_0), m: paper 4, (3).
+    """Range differences ``d_i = |p − s_i| − |p − s_0| = c (τ_i − τ_0)``, m: paper 4, (3).
 
     TDOA(sigma or R, satellites, chart, state, rows=(1, 2)): everything as for `StationDifferences`; the components are d1, d2, …
 

@@ -6,10 +6,15 @@ import subprocess
 import sys
 from html.parser import HTMLParser
 from pathlib import Path
+from urllib.parse import unquote, urlsplit
 
 import nbformat
 
+from trackhelpers.ledger import read_ledger
 from trackhelpers.suite import FIRST_PAGE, NOTEBOOKS, ROOT, form, notebooks
+from trackhelpers.suite.api_page import GROUPS, api_pages, homes
+from trackhelpers.suite.for_the_book import for_the_book
+from trackhelpers.suite.ledger_page import by_number, ledger_page, places_of
 from trackhelpers.suite.run import run
 
 # Captions of the parts; a folder that is not named here gets its name, made readable.
@@ -34,7 +39,7 @@ def build(folder=NOTEBOOKS, out=ROOT / "build"):
     NotebookError
         If a notebook does not run to its end.
     RuntimeError
-        If Sphinx warns, or a page would load something from the network.
+        If Sphinx warns, a page would load something from the network, or a link leads nowhere.
     """
     folder, out = Path(folder), Path(out)
     if not (folder / FIRST_PAGE).exists():
@@ -53,8 +58,17 @@ def pages(executed, out):
     """Build the pages of the notebooks below `executed` into ``out/html`` and return the path of the first one."""
     source, html = out / "source", out / "html"
     shutil.copytree(executed, source)
-    for path in notebooks(source):
-        form.write(for_the_book(nbformat.read(path, as_version=4)), path)
+    chapters = {path.relative_to(source).with_suffix("").as_posix(): nbformat.read(path, as_version=4) for path in notebooks(source)}
+    ledger = read_ledger(source / "results", source / "questions") if any((source / "results").glob("*__*.csv")) else None
+    places = {} if ledger is None else places_of(ledger)
+    for name, text in api_pages(chapters).items():
+        (source / name).write_text(text, encoding="utf-8")
+    for name, notebook in chapters.items():
+        rows = () if ledger is None else ledger.loc[ledger["notebook"] == name, "id"]
+        form.write(for_the_book(notebook, name, places, list(rows), homes()), source / f"{name}.ipynb")
+    if ledger is not None:
+        (source / "ledger.md").write_text(ledger_page(ledger), encoding="utf-8")
+        (source / "by_number.md").write_text(by_number(places), encoding="utf-8")
     for path in (source / "results").glob("*.md"):
         path.write_text(page_of_rows(path.read_text(encoding="utf-8")), encoding="utf-8")
     first = nbformat.read(source / FIRST_PAGE, as_version=4)
@@ -66,32 +80,13 @@ def pages(executed, out):
     outside = outside_addresses(html)
     if outside:
         raise RuntimeError("the book would load from the network:\n" + "\n".join(outside))
+    dead = dead_links(html)
+    if dead:
+        raise RuntimeError("the book has links that lead nowhere:\n" + "\n".join(dead))
     start = Path(FIRST_PAGE).with_suffix(".html").name
     index = html / "index.html"
     index.write_text(f'<!DOCTYPE html><meta charset="utf-8"><meta http-equiv="refresh" content="0; url={start}">\n', encoding="utf-8")
     return index
-
-
-def for_the_book(notebook):
-    """Give what is folded away its prompt and each figure its caption as alt text, in place, and return the notebook."""
-    for cell in notebook.cells:
-        options = {}
-        if "hide-cell" in cell.metadata.get("tags", []):
-            options |= {"code_prompt_show": "Bookkeeping", "code_prompt_hide": "Bookkeeping"}
-        captions = [output.data.get("text/markdown", "") for output in cell.get("outputs", []) if "data" in output]
-        captions = [plain(text) for text in captions if text.startswith("**Figure ")]
-        if captions:
-            options["image"] = {"alt": " ".join(captions)}
-        if options:
-            cell.metadata["mystnb"] = options
-    return notebook
-
-
-def plain(markdown):
-    """Return a caption as it would be read aloud: no marks of emphasis, code or formulas, of a link its text."""
-    text = re.sub(r"\[([^\]]*)\]\([^)]*\)", r"\1", markdown)
-    text = re.sub(r"\*\*|[`$]", "", text)
-    return " ".join(re.sub(r"\*(\S(?:[^*]*\S)?)\*", r"\1", text).split())
 
 
 def page_of_rows(text):
@@ -109,6 +104,9 @@ def contents(source):
     for part, names in parts.items():
         caption = PARTS.get(part) or re.sub(r"^(\d+)\W", r"\1 · ", part.replace("_", " "))
         blocks.append("\n".join(["```{toctree}", ":hidden:", f":caption: {caption}", "", *names, "```"]))
+    if (source / "ledger.md").exists():
+        blocks.append("```{toctree}\n:hidden:\n:caption: To look things up\n\nledger\nby_number\n```")
+    blocks.append("\n".join(["```{toctree}", ":hidden:", ":caption: API reference", "", *GROUPS, "```"]))
     return "\n\n".join(blocks)
 
 
@@ -127,6 +125,39 @@ class _Loads(HTMLParser):
             tag, ["src", "srcset"]
         )
         self.addresses += [attrs[name] for name in names if attrs.get(name)]
+
+
+class _Links(HTMLParser):
+    """Collects the links of a page and the places in it that a link may name."""
+
+    def __init__(self):
+        super().__init__()
+        self.links, self.places = [], {""}
+
+    def handle_starttag(self, tag, attrs):
+        attrs = dict(attrs)
+        self.places |= {attrs.get("id"), attrs.get("name") if tag == "a" else None} - {None}
+        if tag == "a" and attrs.get("href"):
+            self.links.append(attrs["href"])
+
+
+def dead_links(html):
+    """Return ``page: link`` for every link between pages below `html` to a file, or to a place in it, that is not there."""
+    pages = {}
+    for path in Path(html).rglob("*.html"):
+        pages[path.resolve()] = page = _Links()
+        page.feed(path.read_text(encoding="utf-8"))
+    found = []
+    for path, page in pages.items():
+        for link in page.links:
+            address = urlsplit(link)
+            target = (path.parent / unquote(address.path)).resolve() if address.path else path
+            if address.scheme or address.netloc or "=" in address.fragment:  # "#q=…" is asked of the ledger's page
+                continue
+            there = unquote(address.fragment) in pages[target].places if target in pages else target.exists()
+            if not there:
+                found.append(f"{path.relative_to(Path(html).resolve())}: {link}")
+    return sorted(found)
 
 
 def outside_addresses(html):

@@ -26,6 +26,7 @@ from trackhelpers.filters import (
     VarianceInflationKF,
     augmented_matrices,
 )
+from trackhelpers.follow import follow
 from trackhelpers.motion import CA, CV, LinearModel, Singer
 from trackhelpers.scenarios.augmented_bias.target import P0, R, T
 from trackhelpers.sensors import LinearSensor
@@ -68,8 +69,6 @@ class Step(NamedTuple):
 
 
 class _Contender:
-    """What both kinds of contender share."""
-
     def follow(self, x0, z):
         """Yield estimates (4, M) and their covariance, (4, 4) or (4, 4, M), after each measurement of z (2, N, M), from x0 (4, M)."""
         return ((step.x, step.P) for step in self.steps(x0, z))
@@ -104,19 +103,24 @@ class Linear(_Contender):
         """The filterpy subclass, started at x0 (4,)."""
         return MatrixKF(self.F, self.H, self.Q, R, self.from_start @ x0, self.P0)
 
+    def _history(self, x0, z, keep):
+        return follow(EnsembleKF(self.model, self.from_start @ x0, self.P0), np.moveaxis(z, 1, 0), self.sensor, T, keep=keep)
+
+    def estimates(self, x0, z):
+        """Estimates (4, N, M) after each measurement of z (2, N, M), from x0 (4, M): the quick way to them alone."""
+        return np.tensordot(self.to_estimate, self._history(x0, z, ("x",)).x, 1)
+
     def steps(self, x0, z):
         """Yield a `Step` after each measurement of z (2, N, M), from x0 (4, M)."""
-        ens = EnsembleKF(self.model, self.from_start @ x0, self.P0)
+        known = exact.gains(self.F, self.H, self.Q, R, self.P0, z.shape[1])
+        history, L = self._history(x0, z, ("x", "y")), self.to_estimate
         for k in range(z.shape[1]):
-            ens.predict(T)
-            ens.update(z[:, k], self.sensor)
-            P = ens.P[..., 0]
-            yield Step(self.to_estimate @ ens.x, self.to_estimate @ P @ self.to_estimate.T, nis(ens.y, ens.S))
+            yield Step(L @ history.x[:, k], L @ known.P[..., k + 1] @ L.T, nis(history.y[:, k], known.S[..., k]))
 
 
 @dataclass(frozen=True)
 class Adaptive(_Contender):
-    """A filter whose gain depends on the data: `make(Single or Ensemble, x0)` builds either class."""
+    """A filter whose gain depends on the data: the filterpy subclass and its ensemble, and what both are built from."""
 
     name: str
     classes: tuple  # the filterpy subclass and its ensemble
@@ -133,13 +137,14 @@ class Adaptive(_Contender):
         args, keywords = self.arguments(x0, False)
         return self.classes[1](*args, **keywords)
 
+    def estimates(self, x0, z):
+        """As `Linear.estimates`."""
+        return follow(self.ensemble(x0), np.moveaxis(z, 1, 0), keep=("x",)).x
+
     def steps(self, x0, z):
         """As `Linear.steps`. With two models in force the NIS is that of the mixture's, or of the present model's, prediction."""
-        ens = self.ensemble(x0)
-        for k in range(z.shape[1]):
-            ens.predict()
-            ens.update(z[:, k])
-            yield Step(ens.estimate, ens.estimate_P, nis(ens.y, ens.S))
+        history = follow(self.ensemble(x0), np.moveaxis(z, 1, 0), keep=("x", "P", "y", "S"))
+        yield from map(Step, history.x.swapaxes(0, 1), np.moveaxis(history.P, 2, 0), nis(history.y, history.S))
 
 
 def gains(linear, steps):
@@ -163,11 +168,9 @@ def exact_errors(linear, track):
     covariance, believed : numpy.ndarray, shape (4, 4, N + 1)
         True covariance of the error, and the filter's own.
     """
-    F, L = linear.F, linear.to_estimate
-    state = linear.from_start @ track  # a state that is measured as the track is; what else the filter's state holds is 0 there
-    known = exact.gains(F, linear.H, linear.Q, R, linear.P0, state.shape[1] - 1)
-    bias, C = exact.errors(F, known.A, known.K, R, state[:, 1:] - F @ state[:, :-1], covariance0=linear.P0)
-    return L @ (bias + state) - track, *(congruence(L[..., None], P) for P in (C, known.P))
+    state, L = linear.from_start @ track, linear.to_estimate  # measured as the track is; what else the filter's state holds is 0 there
+    bias, *covariances = exact.exact_error(linear.model, linear.sensor, state, T, state[:, 0], linear.P0, linear.P0)
+    return L @ (bias + state) - track, *(congruence(L[..., None], P) for P in covariances)
 
 
 def plain():
@@ -196,30 +199,31 @@ def augmented_kf(x0, Q_bias="0.01, 0.01", reading="R1"):
     return AugmentedBiasKF(F, H, Q, R, matrix, x0, P0, reading)
 
 
+def _adaptive(name, classes, args, settings, honest=True):
+    return Adaptive(name, classes, lambda x0, single: ((*args, x0, P0), settings), honest)
+
+
 def strong_tracking(beta=4.0, factors="one", rho=0.95):
     """The strong tracking filter (STKF) on CV."""
-    classes, settings = (StrongTrackingKF, EnsembleStrongTrackingKF), {"beta": beta, "rho": rho, "factors": factors}
-    return Adaptive(f"STKF β={beta:g}, {factors}", classes, lambda x0, single: ((F, H, Q, R, x0, P0), settings), honest=False)
+    settings = {"beta": beta, "rho": rho, "factors": factors}
+    return _adaptive(f"STKF β={beta:g}, {factors}", (StrongTrackingKF, EnsembleStrongTrackingKF), (F, H, Q, R), settings, honest=False)
 
 
 def variance_inflation(**settings):
     """Variance inflation on CV."""
-    classes = VarianceInflationKF, EnsembleVarianceInflationKF
-    return Adaptive("inflation", classes, lambda x0, single: ((F, H, Q, R, x0, P0), settings))
+    return _adaptive("inflation", (VarianceInflationKF, EnsembleVarianceInflationKF), (F, H, Q, R), settings)
 
 
 def input_estimation(**settings):
     """Input estimation on CV."""
-    classes = InputEstimationKF, EnsembleInputEstimationKF
-    return Adaptive("input estimation", classes, lambda x0, single: ((F, GAMMA, H, Q, R, x0, P0), settings))
+    return _adaptive("input estimation", (InputEstimationKF, EnsembleInputEstimationKF), (F, GAMMA, H, Q, R), settings)
 
 
 def variable_dimension(manoeuvring=ACCELERATING, **settings):
     """The variable-dimension filter (VDF) between CV and CA."""
-    classes = VariableDimensionKF, EnsembleVariableDimensionKF
-    return Adaptive("VDF", classes, lambda x0, single: ((MODEL, manoeuvring, R, T, x0, P0), settings))
+    return _adaptive("VDF", (VariableDimensionKF, EnsembleVariableDimensionKF), (MODEL, manoeuvring, R, T), settings)
 
 
 def interacting(manoeuvring=ACCELERATING, **settings):
     """The interacting multiple model estimator (IMM) of CV and CA."""
-    return Adaptive("IMM", (ManoeuvreIMM, EnsembleIMM), lambda x0, single: ((MODEL, manoeuvring, R, T, x0, P0), settings))
+    return _adaptive("IMM", (ManoeuvreIMM, EnsembleIMM), (MODEL, manoeuvring, R, T), settings)

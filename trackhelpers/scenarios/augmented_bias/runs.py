@@ -45,7 +45,7 @@ class Score(NamedTuple):
         return mean_interval(self.mean_by_run[segment, PARTS.index("settled"), COMPONENTS.index(component)])
 
 
-def score(contenders, runs=500, seed=2018, a=2.0, path=0, n_jobs=1):
+def score(contenders, runs=500, seed=2018, a=2.0, path=0, n_jobs=1, consistency=True):
     """Run all contenders on the same runs.
 
     Parameters
@@ -56,6 +56,8 @@ def score(contenders, runs=500, seed=2018, a=2.0, path=0, n_jobs=1):
         As for `trackhelpers.ensemble.monte_carlo`.
     a, path
         As for `trackhelpers.scenarios.augmented_bias.target.truth`.
+    consistency : bool
+        False leaves NEES and NIS out (NaN), half of the time.
 
     Returns
     -------
@@ -69,21 +71,24 @@ def score(contenders, runs=500, seed=2018, a=2.0, path=0, n_jobs=1):
 
     def task(rngs):
         x0, z = simulate(rngs, track)
-        return {f"{c.name}|{key}": value for c in contenders for key, value in _errors(c, x0, z, track).items()}
+        return {f"{c.name}|{key}": value for c in contenders for key, value in _errors(c, x0, z, track, consistency).items()}
 
     reduce = {f"{name}|{key}": "concat" for name in names for key in ("by_run", "mean_by_run")}
     found = monte_carlo(task, runs, seed, n_jobs, reduce=reduce, chunk=500)
     return {name: Score(**{key: found[f"{name}|{key}"] / (1 if "by_run" in key else runs) for key in KEYS}, runs=runs) for name in names}
 
 
-def _errors(contender, x0, z, track):
+def _errors(contender, x0, z, track, consistency):
     """Sums over the runs of one contender's errors, and its means run by run, by the names of `Score`."""
-    errors, normalised, innovations = np.empty((4, STEPS + 1, x0.shape[1])), np.full(STEPS + 1, np.nan), np.full(STEPS + 1, np.nan)
-    errors[:, 0] = x0 - track[:, :1]
-    for k, (x, P, step_nis) in enumerate(contender.steps(x0, z), 1):
-        errors[:, k], innovations[k] = x - track[:, k, None], step_nis.sum()
-        if contender.honest:
-            normalised[k] = nees(track[:, k], x, np.broadcast_to(P.reshape(4, 4, -1), (4, 4, x.shape[1]))).sum()
+    estimates, normalised, innovations = np.empty((4, *z.shape[1:])), np.full(STEPS + 1, np.nan), np.full(STEPS + 1, np.nan)
+    if consistency:
+        for k, step in enumerate(contender.steps(x0, z), 1):
+            estimates[:, k - 1], innovations[k] = step.x, step.nis.sum()
+            if contender.honest:
+                normalised[k] = nees(track[:, k], step.x, step.P).sum()
+    else:
+        estimates = contender.estimates(x0, z)
+    errors = np.concatenate([x0[:, None], estimates], axis=1) - track[..., None]
     square = errors**2
     windows = [[getattr(segment, part) for part in PARTS] for segment in SEGMENTS]
     by_run, mean_by_run = (np.array([[a[:, w].mean(axis=1) for w in parts] for parts in windows]) for a in (square, errors))

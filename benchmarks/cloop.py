@@ -1,4 +1,4 @@
-"""The C loop of climit.c, compiled when it is wanted, for this processor."""
+"""The C loop of cloop.c, compiled when it is wanted, for this processor."""
 
 import ctypes
 import shutil
@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-LANES = 8  # W in climit.c
+LANES = 8  # W in cloop.c
 _DOUBLES = ctypes.POINTER(ctypes.c_double)
 
 
@@ -29,9 +29,9 @@ def compiler():
 @cache
 def _library():
     path, _ = compiler()
-    source = Path(__file__).with_name("climit.c")
-    with tempfile.TemporaryDirectory(prefix="climit-") as folder:
-        compiled, target = (str(Path(folder) / f"climit.{kind}") for kind in ("o", "so"))
+    source = Path(__file__).with_name("cloop.c")
+    with tempfile.TemporaryDirectory(prefix="cloop-") as folder:
+        compiled, target = (str(Path(folder) / f"cloop.{kind}") for kind in ("o", "so"))
         compiling = [path, "-O3", "-march=native", "-ffast-math", "-std=gnu11", "-fPIC", "-c", str(source), "-o", compiled]
         # not linked with -ffast-math: gcc would add start code that switches subnormals off for the whole process
         linking = [path, "-shared", compiled, "-o", target, "-lm"]
@@ -41,7 +41,7 @@ def _library():
                 made = subprocess.run(linking, capture_output=True, text=True)
             if made.returncode == 0:
                 return ctypes.CDLL(target)  # stays mapped when the file is gone
-    raise NotAvailable(f"{path} does not compile climit.c: {made.stderr.strip().splitlines()[0]}")
+    raise NotAvailable(f"{path} does not compile cloop.c: {made.stderr.strip().splitlines()[0]}")
 
 
 def c_loop(problem):

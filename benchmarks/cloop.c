@@ -1,4 +1,4 @@
-/* The limit: the EKF on CTRV with lidar and radar in turn, and its NEES, W runs in the lanes of a vector from the first step to the last.
+/* A loop in C: the EKF on CTRV with lidar and radar in turn, and its NEES, W runs in the lanes of a vector from the first step to the last.
 
    The arithmetic is that of trackhelpers.ensemble: CTRV in half angles, products that leave out the zeros of F and H (the compiler drops what it knows to be
    0 or 1), Joseph's form, symmetric matrices by their lower half. A block's state and covariance stay in registers and the first cache for all steps. */

@@ -1,0 +1,254 @@
+"""The compiled step is NumPy's step: for every model and sensor that can be traced, in any number of runs, beside a run that has broken down."""
+
+from unittest.mock import patch
+
+import numpy as np
+import pytest
+
+from trackhelpers import arrays, fused, kernels
+from trackhelpers.ensemble import EnsembleEKF, EnsembleKF, EnsembleUKF, covariance
+from trackhelpers.motion import CA, CCA, CSAA, CSAV, CTRA, CTRV, CV, PolarCA, PolarCV, Singer
+from trackhelpers.sensors import Lidar, LinearSensor, Position, Radar, RangeBearing, Sensor
+
+pytestmark = pytest.mark.skipif(fused.binding is None, reason="llvmlite is not installed")
+
+TURNING = {
+    "CTRV": lambda **more: CTRV(0.5, 0.1, **more),
+    "CTRA": lambda **more: CTRA(0.3, 0.1, **more),
+    "CSAV": lambda **more: CSAV(3.0, 0.5, 0.05, **more),
+    "CSAA": lambda **more: CSAA(3.0, 0.3, 0.05, **more),
+    "CCA": lambda **more: CCA(0.3, 0.01, **more),
+}
+TRACED = {name: make() for name, make in TURNING.items()}
+TRACED |= {"CTRV, exact": TURNING["CTRV"](noise="exact"), "CTRA, exact": TURNING["CTRA"](noise="exact")}
+TRACED |= {"CTRV, constant Q": TURNING["CTRV"](Q=np.diag([1e-4, 1e-4, 0.01, 1e-4, 1e-4]))}
+TRACED |= {"CV": CV(0.5), "CA": CA(0.5), "PolarCV": PolarCV(0.5, 0.2), "PolarCA": PolarCA(0.5, 0.2), "Singer": Singer(1.0, 20.0)}
+LEFT = {"CTRV, continuous": TURNING["CTRV"](noise="continuous"), "CSAV, exact": TURNING["CSAV"](noise="exact")}
+R = np.array([[0.09, 0.001, 0.01], [0.001, 0.0009, 0.0], [0.01, 0.0, 0.09]])
+
+
+def plain():
+    """Without the compiler."""
+    return patch.object(fused, "binding", None)
+
+
+def sensors(model):
+    if not {"θ", "vx"} & set(model.state):
+        return [Position(0.2, model.state)]
+    return [
+        Lidar(state=model.state),
+        Radar(R=R, state=model.state, position=(-40.0, 5.0), heading=0.3),
+        Radar(state=model.state, rows=("ψ",)),
+    ]
+
+
+def start(model, M, seed=0):
+    rng = np.random.default_rng(seed)
+    x = rng.normal(size=(model.n, M)) * 0.3
+    x[0] += 5.0
+    return x
+
+
+def run(model, M, steps, Ensemble=EnsembleEKF, mask=None, seen=None):
+    """States, covariances and innovations of an ensemble on random measurements about a target that stays near."""
+    ens, taken = Ensemble(model, start(model, M), 0.1 * np.eye(model.n)), sensors(model)
+    rng, history = np.random.default_rng(1), []
+    for k in range(steps):
+        sensor = taken[k % len(taken)]
+        z = sensor.h(start(model, M, 2)) + 0.1 * rng.normal(size=(sensor.m, M)) * np.array(sensor.sigma)[:, None]
+        ens.predict(0.1)
+        ens.update(z, sensor, mask=None if mask is None else mask[k % len(mask)])
+        history.append((ens.x, ens.P, ens.y, ens.S, ens.K))
+    return ens, history
+
+
+@pytest.mark.parametrize("name", TRACED)
+def test_500_steps_are_numpys(name):
+    model = TRACED[name]
+    ours = run(model, 13, 500)[1]
+    with plain():
+        theirs = run(model, 13, 500)[1]
+    for k in (0, 1, 2, 30, 499):
+        for a, b in zip(ours[k], theirs[k], strict=True):
+            assert np.abs(a - b).max() <= 1e-12 * max(1.0, np.abs(b).max()), k
+    assert np.array_equal(ours[-1][1], np.swapaxes(ours[-1][1], 0, 1))
+
+
+@pytest.mark.parametrize("name", TRACED)
+def test_these_models_and_their_sensors_are_traced(name):
+    model = TRACED[name]
+    x, P = start(model, 4), np.repeat(np.eye(model.n)[..., None], 4, axis=2)
+    assert fused.predict(model, x, P, 0.1) is not None
+    for sensor in sensors(model):
+        assert fused.update(sensor, model, x, P, sensor.h(x), sensor.R) is not None
+
+
+@pytest.mark.parametrize("name", LEFT)
+def test_what_cannot_be_traced_is_left_to_numpy(name):
+    model = LEFT[name]
+    x, P = start(model, 4), np.repeat(np.eye(model.n)[..., None], 4, axis=2)
+    assert fused.predict(model, x, P, 0.1) is None
+    ens = EnsembleEKF(model, x, P)
+    ens.predict(0.1)
+    np.testing.assert_allclose(ens.x, model.normalise(model.f(x, 0.1)), atol=1e-12)
+
+
+def test_masks_and_an_R_of_each_run_are_numpys():
+    model, rng = TRACED["CTRV"], np.random.default_rng(4)
+    masks = [None, rng.random(40) < 0.5, np.arange(40) == 7, None]
+    ours = run(model, 40, 12, mask=masks)[1]
+    with plain():
+        theirs = run(model, 40, 12, mask=masks)[1]
+    for a, b in zip(ours[-1] + ours[2], theirs[-1] + theirs[2], strict=True):
+        np.testing.assert_allclose(a, b, atol=1e-12)
+    noise = R[..., None] * rng.uniform(0.5, 2.0, 40)
+    for given in (noise, 2 * R):
+        made = []
+        for compiled in (True, False):
+            ens = EnsembleEKF(model, start(model, 40), np.eye(5))
+            with patch.object(fused, "binding", fused.binding if compiled else None):
+                ens.update(Radar().h(start(model, 40, 2)), Radar(), R=given)
+            made.append((ens.x, ens.P, ens.S))
+        for a, b in zip(*made, strict=True):
+            np.testing.assert_allclose(a, b, atol=1e-12)
+
+
+@pytest.mark.parametrize("M", [1, 2, 7, 8, 9, 40])
+def test_a_run_does_not_depend_on_those_beside_it(M):
+    """In one loop of the same width to the bit, in another one to rounding."""
+    model = TRACED["CTRV"]
+    whole, part = (EnsembleEKF(model, start(model, 40)[:, :runs], np.eye(5)) for runs in (40, M))
+    for sensor in (Radar(), Lidar()):
+        z = sensor.h(start(model, 40, 2))
+        for ens in (whole, part):
+            ens.predict(0.1)
+            ens.update(z[:, : ens.runs], sensor)
+    np.testing.assert_allclose(whole.P[..., :M], part.P, atol=1e-13)
+    if M >= kernels.LANES:
+        assert np.array_equal(whole.x[:, :M], part.x) and np.array_equal(whole.P[..., :M], part.P)
+
+
+@pytest.mark.parametrize("broken", [3, 38])
+def test_a_run_that_breaks_down_leaves_its_neighbours_bit_for_bit(broken):
+    model = TRACED["CTRV"]
+    clean, spoilt = (EnsembleEKF(model, start(model, 40), np.eye(5)) for _ in range(2))
+    spoilt.P[0, 0, broken] = -50.0
+    for sensor in (Radar(), Lidar()):
+        for ens in (clean, spoilt):
+            ens.predict(0.1)
+            ens.update(sensor.h(start(model, 40, 2)), sensor)
+    others = np.arange(40) != broken
+    assert np.array_equal(np.flatnonzero(spoilt.failed), [broken])
+    assert np.array_equal(spoilt.x[:, others], clean.x[:, others]) and np.array_equal(spoilt.P[..., others], clean.P[..., others])
+
+
+def test_models_that_differ_in_their_numbers_share_the_code():
+    x, P = start(TRACED["CTRV"], 9), np.repeat(np.eye(5)[..., None], 9, axis=2)
+    fused.predict(CTRV(0.7, 0.2), x, P, 0.1)
+    before = kernels._compiled.cache_info().misses
+    for sigma in (0.1, 1.3):
+        got = fused.predict(CTRV(sigma, 0.4), x, P, 0.2)
+        with plain():
+            ens = EnsembleEKF(CTRV(sigma, 0.4), x, P)
+            ens.predict(0.2)
+        np.testing.assert_allclose(got[1], ens.P, atol=1e-13)
+    assert kernels._compiled.cache_info().misses == before
+
+
+def test_an_overridden_hook_reaches_the_compiled_step():
+    class Braking(CTRV):
+        def _f(self, x, dt, parts):
+            px, py, v, heading, w = super()._f(x, dt, parts)
+            return px, py, 0.9 * v, heading, w
+
+    model, x = Braking(0.5, 0.1), start(TRACED["CTRV"], 9)
+    ens = EnsembleEKF(model, x, np.eye(5))
+    ens.predict(0.1)
+    np.testing.assert_allclose(ens.x, model.normalise(model.f(x, 0.1)), atol=1e-13)
+
+
+def test_a_hook_that_decides_by_a_run_s_number_is_left_to_numpy():
+    class Bounded(CTRV):
+        def _f(self, x, dt, parts):
+            rows = list(super()._f(x, dt, parts))
+            if np.max(rows[2]) > 1.0:
+                rows[2] = np.minimum(rows[2], 1.0)
+            return rows
+
+    model, x = Bounded(0.5, 0.1), start(TRACED["CTRV"], 9) + 2
+    ens = EnsembleEKF(model, x, np.eye(5))
+    ens.predict(0.1)
+    np.testing.assert_allclose(ens.x[2], 1.0)
+
+
+def test_bounds_hold_in_the_compiled_step():
+    class Forward(CTRV):
+        bounds = {"v": (0.0, 2.0)}  # noqa: RUF012
+
+    x = start(TRACED["CTRV"], 9)
+    x[2] = np.linspace(-4, 4, 9)
+    ens = EnsembleEKF(Forward(0.5, 0.1), x, np.eye(5))
+    ens.predict(0.1)
+    np.testing.assert_array_equal(ens.x[2], np.clip(x[2], 0, 2))
+
+
+def test_a_sensor_that_moves_is_asked_anew_each_time():
+    class Moving(Position):
+        def at(self, t):
+            return Position(0.2, self.state, position=(t, 0.0))
+
+    model = TRACED["CV"]
+    x, P = start(model, 9), np.repeat(np.eye(4)[..., None], 9, axis=2)
+    assert fused.update(Moving(0.2, model.state), model, x, P, x[[0, 2]], np.eye(2)) is None
+
+
+def test_a_residual_of_its_own_is_kept():
+    class Odd(Lidar):
+        def residual(self, z, z_hat):
+            return Sensor.residual(self, z, z_hat) * 0.0
+
+    x = start(TRACED["CTRV"], 9)
+    ens = EnsembleEKF(TRACED["CTRV"], x, np.eye(5))
+    ens.update(x[:2] + 1.0, Odd())
+    np.testing.assert_array_equal(ens.x, x)
+
+
+def test_linear_filters_with_their_own_P_and_the_linear_transform_are_numpys():
+    model = TRACED["CV"]
+    P = np.eye(4)[..., None] * np.linspace(1, 2, 11)
+    sensor, z = LinearSensor(np.eye(2, 4), np.eye(2), model.state), start(model, 11, 2)[:2]
+    for Ensemble in (EnsembleKF, EnsembleUKF):
+        ours, theirs = (Ensemble(model, start(model, 11), P) for _ in range(2))
+        ours.predict(0.3)
+        ours.update(z, sensor)
+        with plain():
+            theirs.predict(0.3)
+            theirs.update(z, sensor)
+        np.testing.assert_allclose(ours.P, theirs.P, atol=1e-13)
+
+
+def test_the_algebra_on_entries_is_numpys():
+    rng, model = np.random.default_rng(0), TRACED["CTRA"]
+    x, A = start(model, 21), rng.normal(size=(6, 6, 21))
+    P = arrays.congruence(A, np.eye(6)) + np.eye(6)[..., None]
+    _, transition, noise = model.linearised(x, 0.3)
+    sensor = RangeBearing(state=model.state)
+    calls = [
+        lambda: covariance.propagate(P, transition, noise),
+        lambda: covariance.correct(P, sensor.linearised(x)[1], sensor.R),
+        lambda: arrays.mahalanobis(x, P),
+    ]
+    for call in calls:
+        ours = call()
+        with plain():
+            theirs = call()
+        for a, b in zip(np.atleast_1d(ours) if isinstance(ours, np.ndarray) else ours, theirs, strict=True):
+            np.testing.assert_allclose(a, b, rtol=1e-11, atol=1e-11)
+
+
+def test_steps_of_any_length_cost_no_trace_each():
+    model = Singer(1.0, 20.0)  # whose noise wants dt as a number
+    x, P = start(model, 9), np.repeat(np.eye(6)[..., None], 9, axis=2)
+    got = [fused.predict(model, x, P, 0.1 + 0.01 * k) is not None for k in range(20)]
+    assert got == [True] * fused.MOST_STEPS + [False] * (20 - fused.MOST_STEPS)
+    assert fused.predict(model, x, P, 0.1) is not None
