@@ -54,6 +54,7 @@ def test_write_returns_the_table_to_show(folders, monkeypatch):
 
 def test_an_empty_ledger_is_not_written(folders, monkeypatch):
     monkeypatch.setenv("TRACKHELPERS_RESULTS", str(folders[0]))
+    monkeypatch.setenv("TRACKHELPERS_QUESTIONS", str(folders[0] / "none"))
     with pytest.raises(ValueError, match="has no rows"):
         Ledger("1_thesis", "2_kalman_filter").write()
     assert not folders[0].exists()

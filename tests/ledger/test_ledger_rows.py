@@ -11,6 +11,12 @@ from trackhelpers.ledger import COLUMNS, KINDS, MARKS, VERDICTS, Ledger, bears_o
 WHERE = ("Table 9", "RMSE of x")
 
 
+@pytest.fixture(autouse=True)
+def no_questions(tmp_path, monkeypatch):
+    """Rows are for notebooks without a file of questions."""
+    monkeypatch.setenv("TRACKHELPERS_QUESTIONS", str(tmp_path / "none"))
+
+
 @pytest.fixture
 def ledger():
     return Ledger("1_thesis", "2_kalman_filter")
