@@ -14,7 +14,8 @@ from .plots import COLOURS
 
 __all__ = ["DASHES", "Ellipse", "Panel", "reduced"]
 
-DASHES = {"-": "", "--": "6 4", ":": "1.5 3.5", "-.": "8 3 2 3", ".": "", "fill": ""}
+DASHES = {"-": "", "--": "6 4", ":": "1.5 3.5", "-.": "8 3 2 3", ".": "", "o": "", "fill": ""}
+DOTS = {".": 4, "o": 9}
 LEFT, RIGHT, BOTTOM, WIDTH = 54, 10, 40, 360
 LETTER = 6.3  # about the width of one
 _CIRCLE = [(math.cos(math.pi * k / 24), math.sin(math.pi * k / 24)) for k in range(49)]
@@ -38,7 +39,6 @@ class Panel:
     """
 
     def __init__(self, grid, xlabel, ylabel, looks, limits, equal, log, height):
-        self.asked = (xlabel, ylabel, looks, limits, equal, log, height)
         self.xlabel, self.ylabel, self.looks, self.log, self.height = xlabel, ylabel, looks, log, height
         self.round = {name: isinstance(grid[0][name], Ellipse) for name in looks}
         scales = [np.log10 if axis in log else np.array for axis in "xy"]
@@ -47,6 +47,8 @@ class Panel:
             for name in looks
         }
         self.limits = [self._limits(axis, given) for axis, given in enumerate(limits)]
+        shown = [tuple(10.0**v for v in pair) if xy in log else pair for xy, pair in zip("xy", self.limits, strict=True)]
+        self.asked = (xlabel, ylabel, looks, shown, equal, log, height)
         self.legend = self._legend()
         self.top = 8 + 16 * (1 + max((row for *_, row in self.legend), default=-1))
         size = (WIDTH - LEFT - RIGHT, height)
@@ -70,7 +72,7 @@ class Panel:
     def whole(self, name, axis):
         """Return a curve's x (axis 0) or y (1) at all points of the grid, lists of whole numbers in units of ``unit[axis]``; None for NaN."""
         low, high = self.limits[axis]
-        far = (2 * low - high, 2 * high - low)  # nobody sees how far beyond that a curve goes
+        far = (low - 20 * (high - low), high + 20 * (high - low))  # nobody sees how far beyond that a curve goes
         points = [point[axis] if self.round[name] else point[axis].clip(*far) for point in self.curves[name]]
         return [[None if math.isnan(v) else math.floor(v / self.unit[axis] + 0.5) for v in point.tolist()] for point in points]
 
@@ -79,7 +81,7 @@ class Panel:
         x, y = (self.whole(name, axis)[point] for axis in (0, 1))
         if self.round[name]:
             x, y = ([m + c * cosine + s * sine for cosine, sine in _CIRCLE] for m, c, s in (x, y))
-        text, pen, dots = "", "M", self._look(name) == "."
+        text, pen, dots = "", "M", self._look(name) in DOTS
         for pair in zip(x, y, strict=True):
             if None in pair:
                 pen = "M"
@@ -129,8 +131,11 @@ class Panel:
         colour = {"truth": "currentColor"}.get(colour, COLOURS[colour])
         if dash == "fill":
             return f'stroke="{colour}" stroke-width="8" stroke-opacity=".3"' if legend else f'fill="{colour}" fill-opacity=".3"'
-        if dash == ".":
-            return f'fill="none" stroke="{colour}" stroke-width="4" stroke-linecap="round"' + ' stroke-dasharray="0 9"' * legend
+        if dash in DOTS:
+            return (
+                f'fill="none" stroke="{colour}" stroke-width="{DOTS[dash]}" stroke-linecap="round"'
+                + f' stroke-dasharray="0 {3 * DOTS[dash]}"' * legend
+            )
         return f'fill="none" stroke="{colour}" stroke-width="2"' + f' stroke-dasharray="{DASHES[dash]}"' * bool(DASHES[dash])
 
     def _limits(self, axis, given):

@@ -49,8 +49,8 @@ class Playground:
         self.start = [len(values) // 2 for values in self.sliders.values()]
         self.labels = {name: name.replace("_", " ") for name in sliders}
         self.grid = [function(**dict(zip(sliders, point, strict=True))) for point in itertools.product(*self.sliders.values())]
-        self.said = [point.get("say", "") for point in self.grid]
-        self.panels = []
+        self.said = [_said(point) for point in self.grid]
+        self.panels, self.traces = [], []
 
     def begin(self, label=None, **starts):
         """Say with which value a slider begins, and how it is called on the page: ``begin("σ_a (m/s²)", sigma_a=1.0)``; return the playground."""
@@ -59,20 +59,22 @@ class Playground:
             self.labels[name] = label or self.labels[name]
         return self
 
-    def panel(self, xlabel, ylabel, curves, xlim=None, ylim=None, equal=False, log="", height=250):
+    def panel(self, xlabel, ylabel, curves, xlim=None, ylim=None, equal=False, log="", trace=False, height=250):
         """Add a pair of axes; a page shows two side by side, a phone one below the other. Return the playground.
 
         Parameters
         ----------
         curves : dict
-            Name of a curve -> colour and dash, ``"blue --"``: a colour of `plots.COLOURS`, and ``-``, ``--``, ``:``, ``-.``, ``.`` for points, or ``fill``. A name
-            that begins with an underscore is not in the legend.
+            Name of a curve -> colour and dash, ``"blue --"``: a colour of `plots.COLOURS`, and ``-``, ``--``, ``:``, ``-.``, ``.`` or ``o`` for points, or ``fill``. A
+            name that begins with an underscore is not in the legend.
         xlim, ylim : (low, high), optional
             Range of an axis; that of the curves over the whole grid where it is left out.
         equal : bool
             One scale for both axes.
         log : str
             ``"x"``, ``"y"`` or ``"xy"``: logarithmic axes.
+        trace : bool
+            The curves are single points; drawn are the lines on which they move with the first slider, and dots where they are.
 
         Raises
         ------
@@ -85,7 +87,12 @@ class Playground:
                 raise ValueError(f"curve {name!r} is {look!r}, expected a colour out of {list(COLOURS)} and a dash out of {list(DASHES)}")
             if name not in self.grid[0]:
                 raise ValueError(f"curve {name!r} is none of the function's, which are {list(self.grid[0])}")
-        self.panels.append(Panel(self.grid, xlabel, ylabel, curves, (xlim, ylim), equal, log, height))
+        grid, looks, every = self.grid, curves, len(self.grid) // len(next(iter(self.sliders.values())))
+        if trace:
+            grid = [_traced(curves, grid[k % every :: every], now) for k, now in enumerate(grid)]
+            looks = curves | {f"_{name}, now": f"{look.split()[0]} o" for name, look in curves.items()}
+        self.panels.append(Panel(grid, xlabel, ylabel, looks, (xlim, ylim), equal, log, height))
+        self.traces.append(list(curves) if trace else [])
         return self
 
     def show(self, number, caption):
@@ -113,8 +120,13 @@ class Playground:
             {"name": self.labels[name], "values": [_shown(value) for value in values], "start": start}
             for (name, values), start in zip(self.sliders.items(), self.start, strict=True)
         ]
-        said = reduced([[text] for text in self.said], shape)
-        data = {"sliders": sliders, "panels": [panel.data(shape) for panel in self.panels], "said": said}
+        words, numbers = _words_and_numbers(self.said)
+        data = {
+            "sliders": sliders,
+            "panels": [panel.data(shape) for panel in self.panels],
+            "words": words,
+            "numbers": reduced(numbers, shape),
+        }
         data = json.dumps(data, ensure_ascii=False, separators=(",", ":")).replace("<", "\\u003c")
         id = "playground-" + re.sub(r"[^0-9A-Za-z]+", "-", number)
         label = html.escape(" ".join(re.sub(r"[$`*\\]", "", caption).split()))
@@ -143,9 +155,13 @@ class Playground:
             moved[name] = ipywidgets.FloatSlider(value, min=low, max=high, step=(high - low) / 200, description=self.labels.get(name, name))
 
         def draw(_=None):
-            curves = self.function(**held | {name: slider.value for name, slider in moved.items()})
-            stills = "".join(_still(Panel([curves], *panel.asked), 0, "width: 45%; min-width: 20em") for panel in self.panels)
-            picture.value = f"{stills}<p>{html.escape(curves.get('say', ''))}</p>"
+            at = held | {name: slider.value for name, slider in moved.items()}
+            now, (first, values) = self.function(**at), next(iter(self.sliders.items()))
+            way = [self.function(**at | {first: value}) for value in values] if any(self.traces) else []
+            grids = [[_traced(names, way, now)] for names in self.traces]
+            panels = [Panel(grid, *panel.asked) for grid, panel in zip(grids, self.panels, strict=True)]
+            stills = "".join(_still(panel, 0, "width: 45%; min-width: 20em") for panel in panels)
+            picture.value = f"{stills}<p>{html.escape(_said(now))}</p>"
 
         for slider in moved.values():
             slider.observe(draw, "value")
@@ -153,10 +169,29 @@ class Playground:
         return ipywidgets.VBox([*moved.values(), picture])
 
 
+def _words_and_numbers(texts):
+    """What texts have in common, and the numbers between these pieces, a list a text; all of it where they differ in more than numbers."""
+    pieces = [re.split(r"(\N{MINUS SIGN}?[\d.]*\d)", text) for text in texts]
+    words = pieces[0][::2]
+    if all(each[::2] == words for each in pieces):
+        return words, [each[1::2] for each in pieces]
+    return ["", ""], [[text] for text in texts]
+
+
+def _traced(names, way, now):
+    """The curves `now`, those of single points among them as the lines through all points of `way`, with a dot where they are now."""
+    lines = {name: np.concatenate([np.reshape(point[name], (2, 1)) for point in way], axis=1) for name in names}
+    return now | lines | {f"_{name}, now": now[name] for name in names}
+
+
 def _still(panel, point, style=""):
     """A panel as an image: of SVG itself JupyterLab would leave nothing in a notebook that it does not trust."""
     look = f' style="{style}; background: white"' if style else ""
     return f'<img alt="{html.escape(panel.label())}"{look} src="data:image/svg+xml,{quote(panel.svg(point), safe=" /:=;,.()-+")}">'
+
+
+def _said(curves):
+    return re.sub(r"(?<!\w)-(?=\d)", "\N{MINUS SIGN}", curves.get("say", ""))
 
 
 def _shown(value):

@@ -85,7 +85,15 @@ def test_the_numbers_in_the_page_are_those_computed():
                         assert np.allclose(found, expected, atol=0.51 * panel.unit[axis], rtol=0, equal_nan=True), name
         for (low, high), unit in zip(panel.limits, panel.unit, strict=True):
             assert 1e3 <= (high - low) / unit <= 1e4 + 1
-    assert data["said"]["v"][0] == "rate <0.50>" and len(data["said"]["v"]) == 7  # once a rate
+    assert data["words"] == ["rate <", ">"] and data["numbers"]["v"] == [
+        "0.50",
+        "0.75",
+        "1.00",
+        "1.25",
+        "1.50",
+        "1.75",
+        "2.00",
+    ]  # once a rate
 
 
 def test_what_a_slider_does_not_change_is_stored_once():

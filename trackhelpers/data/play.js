@@ -33,12 +33,13 @@ function path(curve, scale, at) {
   if (curve.look === "round") {
     [x, y] = [x, y].map(([m, c, s]) => Array.from({length: 49}, (_, k) => m + c * Math.cos(Math.PI * k / 24) + s * Math.sin(Math.PI * k / 24)));
   }
+  const dots = ".o".includes(curve.look);
   let text = "", pen = "M";
   for (let k = 0; k < x.length; k++) {
     if (x[k] === null || y[k] === null) { pen = "M"; continue; }
     const [px, py] = [x[k], y[k]].map((w, axis) => Math.floor((scale[axis][0] + scale[axis][1] * w) * 10 + 0.5) / 10);
-    text += pen + px + " " + py + (curve.look === "." ? "h0" : "");
-    pen = curve.look === "." ? "M" : "L";
+    text += pen + px + " " + py + (dots ? "h0" : "");
+    pen = dots ? "M" : "L";
   }
   return text;
 }
@@ -50,7 +51,8 @@ function draw() {
     input.setAttribute("aria-valuetext", value);
   });
   data.panels.forEach((panel, p) => panel.curves.forEach((curve, c) => paths[p][c].setAttribute("d", path(curve, panel.scale, at))));
-  said.textContent = take(data.said, at)[0];
+  const numbers = take(data.numbers, at);
+  said.textContent = data.words.map((word, k) => word + (numbers[k] ?? "")).join("");
 }
 draw();
 })();
