@@ -1,10 +1,10 @@
-"""Command line of the suite: ``python -m trackhelpers.suite refresh [notebook …]``, ``… readme``, ``… book`` and ``… lab``."""
+"""Command line of the suite: ``python -m trackhelpers.suite refresh [notebook …]``, ``… readme``, ``… book``, ``… student`` and ``… lab``."""
 
 import argparse
 import sys
 from pathlib import Path
 
-from trackhelpers.suite import NOTEBOOKS, ROOT, book, lab, notebooks, readme, records
+from trackhelpers.suite import NOTEBOOKS, ROOT, book, lab, notebooks, readme, records, student
 from trackhelpers.suite.run import NotebookError, run
 
 
@@ -28,6 +28,7 @@ def main(arguments=None):
     refresh.add_argument("notebook", nargs="*", type=Path, help="notebooks to run (all of them if none is named)")
     commands.add_parser("readme", help="bring the README, the marks and the pages of rows in step with the stored ledger")
     commands.add_parser("book", help="run every notebook afresh and build the web book")
+    commands.add_parser("student", help="copy the notebooks without the solutions of their exercises to build/student")
     commands.add_parser("lab", help="open the notebooks in JupyterLab, and store what is saved there in the project's form", add_help=False)
     options, more = parser.parse_known_args(arguments)
     if more and options.command != "lab":
@@ -36,6 +37,8 @@ def main(arguments=None):
         check_checkout(Path.cwd())
         if options.command == "book":
             print(f"The book is built, open {book.build()}")
+        elif options.command == "student":
+            print(f"Without solutions: {student.copy()}")
         elif options.command == "readme":
             records.write()
             readme.write()
