@@ -130,7 +130,7 @@ class Playground:
         data = json.dumps(data, ensure_ascii=False, separators=(",", ":")).replace("<", "\\u003c")
         id = "playground-" + re.sub(r"[^0-9A-Za-z]+", "-", number)
         label = html.escape(" ".join(re.sub(r"[$`*\\]", "", caption).split()))
-        return f"""<figure class="playground" id="{id}" aria-label="{label}" data-lm-suppress-shortcuts="true">
+        return f"""<figure class="playground" id="{id}" aria-label="{label}">
 <style>{_STYLE}</style>
 <div class="panels">{"".join(_still(panel, first) for panel in self.panels)}</div>
 <p class="said" aria-live="polite">{html.escape(self.said[first])}</p>
@@ -195,4 +195,4 @@ def _said(curves):
 
 
 def _shown(value):
-    return f"{value:g}".replace("-", "\N{MINUS SIGN}")
+    return f"{value:.4g}".replace("-", "\N{MINUS SIGN}")
