@@ -12,11 +12,11 @@ NBVAL := --nbval --nbval-sanitize-with=tests/nbval_sanitize.cfg --nbval-cell-tim
 $(shell test -x $(RUN) || rm -f $(READY))
 
 .DEFAULT_GOAL := help
-.PHONY: help book lab student test browser-test refresh lock bench clean
+.PHONY: help book lab student test test-lowest test-latest browser-test refresh lock bench clean
 .DELETE_ON_ERROR:
 
 help:  ## list the targets
-	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/  make \1|\2/p' Makefile | awk -F'|' '{ printf "%-16s%s\n", $$1, $$2 }'
+	@sed -n 's/^\([a-z -]*\):.*## \(.*\)/  make \1|\2/p' Makefile | awk -F'|' '{ printf "%-30s%s\n", $$1, $$2 }'
 
 $(READY): environment.txt pyproject.toml
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "Python 3.11 or newer is needed: make PYTHON=python3.x")'
@@ -58,6 +58,12 @@ lock: $(READY)  ## resolve pyproject.toml's ranges into environment.txt anew (UP
 
 UPGRADE ?= --upgrade
 EXTRAS := $(foreach extra,fast lab book test bench lock,--extra $(extra))  # not the peers of the benchmarks, which are large
+
+test-lowest test-latest: $(READY)  ## run the unit tests with the lowest, or the latest, versions that pyproject.toml allows, in an environment of their own below build
+	@test -d build/$@ || $(PYTHON) -m venv build/$@
+	@$(RUN) -m uv pip compile --quiet --no-header $(EXTRAS) $(if $(findstring lowest,$@),--resolution lowest-direct,--upgrade) pyproject.toml -o build/$@/pins.txt
+	@build/$@/bin/python -m pip install --quiet --disable-pip-version-check -r build/$@/pins.txt
+	build/$@/bin/python -m pytest tests -n 2 --ignore tests/suite $(TESTS)
 
 bench: $(READY)  ## measure speed
 	@$(RUN) -m benchmarks

@@ -175,7 +175,7 @@ def update(sensor, model, x, P, z, R):
     if binding is None or not _plain(type(sensor), "at", "of_runs", "residual") or not _plain(type(model), "_normalise"):
         return None
     own = R is sensor.R
-    kernel = _traced(sensor, (model.state, model.angles, own), lambda: _update(sensor, model, own))
+    kernel = _traced(sensor, (model.state, model.angles, *model._limits.items(), own), lambda: _update(sensor, model, own))
     if kernel is None:
         return None
     runs = x.shape[1]

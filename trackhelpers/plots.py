@@ -4,9 +4,6 @@ The colours are those of Okabe and Ito (2008), which people with any of the comm
 on axes that the caller made, and passes further keywords to matplotlib.
 """
 
-import re
-import textwrap
-
 import matplotlib as mpl
 import matplotlib.pyplot as plt
 import numpy as np
@@ -21,7 +18,6 @@ __all__ = [
     "MARKS",
     "METHODS",
     "band",
-    "caption",
     "covariance_ellipse",
     "estimate",
     "flow",
@@ -230,14 +226,6 @@ def show(fig, number, caption):
     display(fig)
     display(Markdown(f"**Figure {number}.** {' '.join(caption.split())}"))
     plt.close(fig)
-
-
-def caption(fig, text):
-    """Write a caption below a figure: what to see in it, wrapped to the figure's width. With `use_style` the layout leaves room for it."""
-    # A formula between dollar signs must not be broken over two lines.
-    whole = re.sub(r"\$[^$]*\$", lambda match: match[0].replace(" ", "\0"), " ".join(text.split()))
-    lines = textwrap.wrap(whole, width=max(20, int(15 * fig.get_figwidth())), break_long_words=False, break_on_hyphens=False)
-    fig.supxlabel("\n".join(lines).replace("\0", " "), x=0.01, ha="left", fontsize=9, color="#333333")
 
 
 def _colour(method):

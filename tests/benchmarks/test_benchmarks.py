@@ -86,7 +86,11 @@ def test_the_quick_run_reports_all_contenders_and_writes_nothing():
     assert (done.returncode, done.stderr) == (0, "")
     for label in (
         "ensemble",
-        *(label if run.reason_to_skip(label) else report.NAMES.get(label, label) for w in run.WORKLOADS + run.SINGLES for label in w.others),
+        *(
+            label if run.reason_to_skip(label) else report.NAMES.get(label, label)
+            for w in run.WORKLOADS + run.SINGLES
+            for label in w.others
+        ),
         *(w.key for w in run.SINGLES),
     ):
         assert label in done.stdout

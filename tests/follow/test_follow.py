@@ -6,7 +6,7 @@ import pytest
 from trackhelpers.ensemble import EnsembleEKF, EnsembleKF
 from trackhelpers.filters import MatrixKF, MotionEKF, MotionIMM, MotionKF, MotionSquareRootUKF, MotionUKF
 from trackhelpers.follow import follow, smooth
-from trackhelpers.motion import CTRV, CV
+from trackhelpers.motion import CA, CTRV, CV, Singer
 from trackhelpers.sensors import Lidar, LinearSensor, Position, Radar
 
 MODEL = CV(0.5)
@@ -29,6 +29,21 @@ def test_follow_is_predict_and_update_in_turn(Filter):
     assert history.filter is kf and history.y.shape == (2, 8) and history.S.shape == (2, 2, 8)
     assert np.isnan(history.y[:, 4]).all() and np.isnan(history.S[..., 4]).all() and np.isfinite(history.y[:, 3]).all()
     assert "8 steps" in repr(history)
+
+
+@pytest.mark.parametrize(
+    "model", [CV(0.5, noise="continuous"), CA(0.5, noise="continuous"), Singer(0.5, 3.0)], ids=lambda m: type(m).__name__
+)
+def test_missed_scans_inside_a_step_change_nothing_where_the_noise_is_continuous(model):
+    """And with an acceleration that is constant within a step they do."""
+
+    def last(model, zs, steps):
+        kf = follow(MotionKF(model, np.zeros(model.n), np.eye(model.n)), zs, Position(0.3, model.state), steps).filter
+        return np.concatenate([kf.x, kf.P.ravel()])
+
+    whole, split = (ZS[:2], [0.6, 2.0]), ([None, ZS[0], None, None, ZS[1]], [0.2, 0.4, 0.5, 1.0, 0.5])
+    np.testing.assert_allclose(last(model, *whole), last(model, *split), rtol=1e-9, atol=1e-9)
+    assert np.abs(last(MODEL, *whole) - last(MODEL, *split)).max() > 1e-3
 
 
 def test_sensors_take_turns_at_their_time_with_their_R_and_shorter_measurements_are_padded():

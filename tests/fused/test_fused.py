@@ -192,6 +192,19 @@ def test_bounds_hold_in_the_compiled_step():
     np.testing.assert_array_equal(ens.x[2], np.clip(x[2], 0, 2))
 
 
+def test_one_sensor_serves_models_with_bounds_and_without():
+    class Forward(CTRV):
+        bounds = {"v": (0.0, 2.0)}  # noqa: RUF012
+
+    radar, x = Radar(), start(TRACED["CTRV"], 9)
+    found = []
+    for kind in (Forward, CTRV):
+        ens = EnsembleEKF(kind(0.5, 0.1), x, np.eye(5))
+        ens.update(radar.h(x) - np.array([[0], [0], [5.0]]), radar)
+        found.append(ens.x[2].min())
+    assert found[0] >= 0 > found[1]
+
+
 def test_a_sensor_that_moves_is_asked_anew_each_time():
     class Moving(Position):
         def at(self, t):

@@ -1,10 +1,9 @@
-"""A notebook answers what it is asked, all of it and nothing else, and both forms of a ledger are read as one."""
+"""A notebook answers what it is asked, all of it and nothing else, and the answers are read with their questions."""
 
 import numpy as np
-import pandas as pd
 import pytest
 
-from trackhelpers.ledger import COLUMNS, Found, Ledger, compare, folded, questions_of, read_ledger, summary, verdict
+from trackhelpers.ledger import Found, Ledger, compare, questions_of, read_ledger, summary, verdict
 from trackhelpers.ledger.files import ANSWER_COLUMNS
 
 ANSWERS = {
@@ -74,30 +73,17 @@ def test_a_question_without_an_answer_is_named_and_nothing_is_written(ledger, tm
     assert not (tmp_path / "results").exists()
 
 
-def test_each_form_refuses_the_other_s_methods(ledger):
-    for call in (
-        lambda: ledger.cell("a", "§4", "q", "1.0", 1.0),
-        lambda: ledger.random_cell("a", "§4", "q", "0.5", np.linspace(0, 1, 50)),
-        lambda: ledger.equation("a", "§4", "q", 0.0),
-        lambda: ledger.claim("a", "§4", "q", "> 0", 1.0),
-        lambda: ledger.figure("a", "§4", "q", "> 0", 1.0),
-        lambda: ledger.not_checkable("a", "claim", "§4", "q", "lost"),
-        lambda: ledger.beyond("a", "claim", "§4", "q", 1.0),
-    ):
-        with pytest.raises(ValueError, match="has a file of questions, expected answers"):
-            call()
-    with pytest.raises(ValueError, match="has no file of questions"):
-        Ledger("1_thesis", "3_motion_models").answer({"a": 1.0})
+def test_a_notebook_without_questions_has_no_ledger(ask):
+    ask()
+    with pytest.raises(ValueError, match="1_thesis__3_motion_models has no file of questions"):
+        Ledger("1_thesis", "3_motion_models")
 
 
-def test_both_forms_are_read_as_one_ledger(ledger, tmp_path):
+def test_answers_are_read_with_their_questions(ledger, tmp_path):
     ledger.answer(ANSWERS)
     ledger.write()
-    old = Ledger("1_thesis", "3_motion_models")
-    old.claim("a", "§4", "q", "> 0", 1.0)
-    old.write()
     rows = read_ledger(tmp_path / "results")
-    assert rows["notebook"].tolist() == ["1_thesis/2_kalman_filter"] * 6 + ["1_thesis/3_motion_models"]
+    assert rows["notebook"].tolist() == ["1_thesis/2_kalman_filter"] * 6
     by_id = rows.set_index("id")
     assert by_id.loc["t9-vx-max", ["kind", "quantity", "paper", "tolerance", "note", "rule", "known_before", "set"]].tolist() == [
         "table",
@@ -113,9 +99,8 @@ def test_both_forms_are_read_as_one_ledger(ledger, tmp_path):
     assert by_id.loc["better", "paper"] == "clearly better" and "was '< 1'" in by_id.loc["better", "changed"]
     assert by_id.loc["figure-7", "note"] == "the scan has no drawing"
     asked = questions_of("1_thesis", "2_kalman_filter")
-    assert all(verdict(asked[row["id"]], row) == row["verdict"] for row in rows.to_dict("records")[:6])
-    assert summary(rows)["total"].tolist() == [6, 1]
-    assert sum(piece.count("<tr>") for piece in folded(rows)) == 7 + 2
+    assert all(verdict(asked[row["id"]], row) == row["verdict"] for row in rows.to_dict("records"))
+    assert summary(rows)["total"].tolist() == [6]
 
 
 def test_an_answer_that_is_not_asked_is_found_when_the_ledger_is_read(ledger, ask, tmp_path):
@@ -126,7 +111,7 @@ def test_an_answer_that_is_not_asked_is_found_when_the_ledger_is_read(ledger, as
         read_ledger(tmp_path / "results")
 
 
-def test_compare_finds_a_changed_answer_and_a_changed_form(ledger, tmp_path):
+def test_compare_finds_a_changed_answer(ledger, tmp_path):
     ledger.answer(ANSWERS)
     ledger.write()
     path = tmp_path / "results" / "1_thesis__2_kalman_filter.csv"
@@ -135,5 +120,3 @@ def test_compare_finds_a_changed_answer_and_a_changed_form(ledger, tmp_path):
     other.write_text(path.read_text(encoding="utf-8").replace("better,0.9,", "better,0.89,"), encoding="utf-8")
     assert compare(path.parent, path.parent) == []
     assert compare(path.parent, other.parent) == ["1_thesis/2_kalman_filter: better: ours: '0.9' against '0.89'"]
-    pd.DataFrame(columns=COLUMNS).to_csv(other, index=False)
-    assert compare(path.parent, other.parent) == ["1_thesis/2_kalman_filter: one answers questions, the other does not"]

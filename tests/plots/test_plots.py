@@ -113,18 +113,6 @@ def test_flow_refuses_arrows_to_nowhere(ax):
         plots.flow(ax, {"a": (0, 0, "a"), "b": (1, 0, "b")}, [("a", "c")])
 
 
-def test_caption_fits_the_figure_and_keeps_formulas_whole(ax):
-    ax.set_xlabel("t [s]")
-    formula = r"$\hat x_k = \hat x_k^- + K_k ( z_k - H \hat x_k^- )$"
-    plots.caption(ax.figure, f"What to see in this figure is said {formula} in a sentence that takes more than one line, " * 2)
-    ax.figure.canvas.draw()
-    text = ax.figure.get_supxlabel()
-    assert text.count(formula) == 2 and "\n" in text and "\0" not in text
-    box = ax.figure._supxlabel.get_window_extent()
-    assert 0 <= box.x0 and box.x1 <= ax.figure.bbox.x1 and 0 <= box.y0
-    assert box.y1 <= ax.xaxis.label.get_window_extent().y0
-
-
 @pytest.mark.parametrize("call", [lambda ax: plots.measured(ax, T, T, "sonar"), lambda ax: plots.estimate(ax, T, T, method=9)])
 def test_unknown_sensors_and_methods_are_refused(ax, call):
     with pytest.raises(ValueError, match="expected"):

@@ -130,5 +130,5 @@ def test_places_name_rows_of_the_ledger(kind):
 def test_what_draws_the_opening_picture_is_folded_and_what_follows_is_not():
     cells = [v4.new_markdown_cell("# One"), v4.new_code_cell("import numpy"), v4.new_markdown_cell("## First"), v4.new_code_cell("1 + 1")]
     made = for_the_book(v4.new_notebook(cells=cells))
-    assert [cell.metadata.get("tags") for cell in made.cells] == [None, ["hide-input", "opening"], None, None]
-    assert made.cells[1].metadata["mystnb"]["code_prompt_show"] == "Imports and drawing"
+    assert [cell.metadata.get("tags") for cell in made.cells] == [None, ["hide-input", "imports"], None, None]
+    assert made.cells[1].metadata["mystnb"]["code_prompt_show"] == "Imports"

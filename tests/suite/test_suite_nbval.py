@@ -7,7 +7,7 @@ import sys
 
 import pytest
 
-from trackhelpers.ledger import COLUMNS
+from trackhelpers.ledger.files import ANSWER_COLUMNS
 from trackhelpers.suite import LONGEST, NEEDS, ROOT
 from trackhelpers.suite.run import COLOUR, run
 
@@ -20,7 +20,7 @@ _ = pathlib.Path(os.environ["TRACKHELPERS_RESULTS"], "1_thesis__1_first.csv").wr
 @pytest.fixture
 def session(store, tmp_path):
     """A project of one notebook, refreshed; returns its path and a function that runs the tests of its notebooks."""
-    row = ",".join(COLUMNS) + "\na,claim,1.1,a claim,,1,,,,reproduced,\n"
+    row = ",".join(ANSWER_COLUMNS) + "\na,1,,,reproduced,\n"
     path = store("1_thesis/1_first.ipynb", "1 + 1", "object()", WRITE.format(row=row))
     (tmp_path / "notebooks/results").mkdir()
     run([path], lambda p: p, folder=tmp_path / "notebooks", results=tmp_path / "notebooks/results")
@@ -52,7 +52,7 @@ def test_notebooks_that_repeat_pass_and_those_without_data_are_skipped_by_name(s
 def test_a_ledger_that_is_not_the_committed_one_fails_the_session(session):
     path, test = session
     ledger = path.parents[1] / "results/1_thesis__1_first.csv"
-    ledger.write_text(ledger.read_text().replace("claim,,1,", "claim,,2,"))
+    ledger.write_text(ledger.read_text().replace("a,1,", "a,2,"))
     done = test()
     assert done.returncode == 1, done.stdout
     assert "1_thesis/1_first: a: ours: '2' against '1'" in done.stdout

@@ -1,25 +1,20 @@
 """The ledger: what is asked of each paper and what each notebook found, a row for every cell, equation, figure and claim."""
 
 from .answers import Ledger
-from .files import COLUMNS, KINDS, VERDICTS, compare, summary, summary_markdown
+from .files import KINDS, VERDICTS, compare, summary, summary_markdown
 from .numbers import shown
-from .page import folded
 from .questions import Question, questions_of, read_questions
 from .reading import read_ledger
-from .rows import bears_out
 from .verdicts import MARKS, Found, verdict
 
 __all__ = [
-    "COLUMNS",
     "KINDS",
     "MARKS",
     "VERDICTS",
     "Found",
     "Ledger",
     "Question",
-    "bears_out",
     "compare",
-    "folded",
     "questions_of",
     "read_ledger",
     "read_questions",

@@ -8,7 +8,6 @@ import pandas as pd
 
 __all__ = [
     "ANSWER_COLUMNS",
-    "COLUMNS",
     "KINDS",
     "VERDICTS",
     "committed_folder",
@@ -20,8 +19,7 @@ __all__ = [
     "write_csv",
 ]
 
-COLUMNS = ["id", "kind", "where", "quantity", "paper", "ours", "low", "high", "tolerance", "verdict", "note"]
-ANSWER_COLUMNS = ["id", "ours", "low", "high", "verdict", "note"]  # of a notebook with a file of questions, which holds the rest
+ANSWER_COLUMNS = ["id", "ours", "low", "high", "verdict", "note"]  # the rest is in the file of questions
 KINDS = ("table", "equation", "figure", "claim")
 VERDICTS = (
     "reproduced",
@@ -33,7 +31,7 @@ VERDICTS = (
     "not checkable",
     "beyond the paper",
 )
-NUMBERS = ["ours", "low", "high", "tolerance"]
+NUMBERS = ["ours", "low", "high"]
 
 
 def committed_folder():
@@ -77,10 +75,10 @@ def write_csv(frame, path):
 
 
 def read_csv(path):
-    """Return a file of a ledger as text: rows in full (`COLUMNS`), or answers to questions (`ANSWER_COLUMNS`)."""
+    """Return a file of a ledger as text."""
     frame = pd.read_csv(path, dtype=str, keep_default_na=False, encoding="utf-8")
-    if list(frame.columns) not in (COLUMNS, ANSWER_COLUMNS):
-        raise ValueError(f"{path.name} has the columns {list(frame.columns)}, expected {COLUMNS} or {ANSWER_COLUMNS}")
+    if list(frame.columns) != ANSWER_COLUMNS:
+        raise ValueError(f"{path.name} has the columns {list(frame.columns)}, expected {ANSWER_COLUMNS}")
     return frame
 
 
@@ -97,10 +95,11 @@ def summary(ledger):
 
 
 def summary_markdown(ledger):
-    """Return `summary` as a Markdown table, with a last line of sums."""
+    """Return `summary` by paper as a Markdown table, with a last line of sums."""
     counts = summary(ledger)
-    counts.loc["all notebooks"] = counts.sum()
-    lines = [["notebook", *counts.columns], ["---", *["---:"] * len(counts.columns)]]
+    counts = counts.groupby(counts.index.str.split("/").str[0]).sum()
+    counts.loc["together"] = counts.sum()
+    lines = [["paper", *counts.columns], ["---", *["---:"] * len(counts.columns)]]
     lines += [[name, *(str(count) for count in row)] for name, row in zip(counts.index, counts.to_numpy(), strict=True)]
     return "".join(f"| {' | '.join(line)} |\n" for line in lines)
 
@@ -127,9 +126,6 @@ def compare(folder_a, folder_b, exclude=(), rtol=2e-5, atol=1e-9):
                 differences.append(f"{notebook}: missing in {missing[0]}")
             continue
         a, b = (read_csv(found[name]).set_index("id", drop=False) for found in files)
-        if list(a.columns) != list(b.columns):
-            differences.append(f"{notebook}: one answers questions, the other does not")
-            continue
         if list(a.index) != list(b.index):
             only = [f"{sorted(set(x.index) - set(y.index))} only in {folder}" for x, y, folder in ((a, b, folder_a), (b, a, folder_b))]
             differences.append(f"{notebook}: rows differ: {', '.join(only)}, or their order")

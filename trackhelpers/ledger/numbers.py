@@ -52,9 +52,7 @@ def enough_digits(numbers, keeps, digits=6):
 def shown(row):
     """The number of a row with four digits. Of what is only rounding the digits differ from one processor to the next, and even whether there are any: where a residual is
     judged it is "< 1e-9", elsewhere 0."""
-    rule = row.get("rule") or row["paper"]
-    residual = rule == "equation" if row.get("rule") else row["kind"] == "equation"
-    return short(row["ours"], "< 1e-9" if residual or SMALL_BOUND.search(rule) else "0")
+    return short(row["ours"], "< 1e-9" if row["rule"] == "equation" or SMALL_BOUND.search(row["rule"]) else "0")
 
 
 def short(text, tiny="0"):

@@ -1,21 +1,37 @@
-"""The whole ledger, read: rows as notebooks wrote them, and answers joined with their questions."""
+"""The whole ledger, read: answers joined with their questions."""
 
 from pathlib import Path
 
 import pandas as pd
 
-from .files import ANSWER_COLUMNS, COLUMNS, committed_folder, read_csv
+from .files import committed_folder, read_csv
 from .questions import questions_of
 
-__all__ = ["EXTRA_COLUMNS", "read_ledger"]
+__all__ = ["COLUMNS", "read_ledger"]
 
-EXTRA_COLUMNS = ["rule", "known_before", "set", "changed"]  # of questions; empty for rows that had none
+COLUMNS = [
+    "id",
+    "kind",
+    "where",
+    "quantity",
+    "paper",
+    "ours",
+    "low",
+    "high",
+    "tolerance",
+    "verdict",
+    "note",
+    "rule",
+    "known_before",
+    "set",
+    "changed",
+]
 
 
 def read_ledger(folder=None, questions=None):
     """Return all rows of a folder of ledger files, the committed one by default, as text and as stored.
 
-    The column ``notebook`` comes first: ``1_thesis/2_kalman_filter``. The rows are in the order of the notebooks. Of a notebook that answers questions, each answer is joined with its question:
+    The column ``notebook`` comes first: ``1_thesis/2_kalman_filter``. The rows are in the order of the notebooks, each answer joined with its question:
     ``quantity`` is what is asked, ``paper`` what is printed or else the inequality, ``note`` the assumption, then what the answer says, then the question's own note.
 
     Parameters
@@ -34,11 +50,9 @@ def read_ledger(folder=None, questions=None):
         raise ValueError(f"folder {folder} holds no ledger file, expected <paper>__<notebook>.csv")
     frames = []
     for path in paths:
-        frame = read_csv(path)
-        if list(frame.columns) == ANSWER_COLUMNS:
-            frame = _joined(frame, path, questions)
+        frame = _joined(read_csv(path), path, questions)[COLUMNS]
         frame.insert(0, "notebook", path.stem.replace("__", "/", 1))
-        frames.append(frame.reindex(columns=["notebook", *COLUMNS, *EXTRA_COLUMNS], fill_value=""))
+        frames.append(frame)
     return pd.concat(frames, ignore_index=True)
 
 

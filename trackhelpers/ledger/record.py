@@ -5,9 +5,14 @@ import re
 from .numbers import short, shown
 from .verdicts import MARKS
 
-__all__ = ["marked", "record"]
+__all__ = ["links", "marked", "record"]
 
-_LINK = re.compile(r"\[([^\]\[]*)\](\((?:\.\./|notebooks/)results/([a-z0-9_]+?)__([a-z0-9_]+)\.md#([^)\s]+?)(?: \"(ours|low|high)\")?\))")
+_LINK = re.compile(r"\[([^\]\[]*)\](\((?:\.\./|notebooks/)?results/([a-z0-9_]+?)__([a-z0-9_]+)\.md#([^)\s]+?)(?: \"(ours|low|high)\")?\))")
+
+
+def links(text):
+    """Return the rows that a text links to, each once, as (notebook, id) in the order of the text."""
+    return list(dict.fromkeys((f"{paper}/{name}", id) for _, _, paper, name, id, _ in _LINK.findall(text)))
 
 
 def marked(text, asked, notebook):

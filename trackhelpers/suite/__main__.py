@@ -1,10 +1,10 @@
-"""Command line of the suite: ``python -m trackhelpers.suite refresh [notebook …]``, ``… readme``, ``… book``, ``… student`` and ``… lab``."""
+"""Command line of the suite: ``python -m trackhelpers.suite refresh [notebook …]``, ``… readme``, ``… links``, ``… book``, ``… student`` and ``… lab``."""
 
 import argparse
 import sys
 from pathlib import Path
 
-from trackhelpers.suite import NOTEBOOKS, ROOT, book, lab, notebooks, readme, records, student
+from trackhelpers.suite import NOTEBOOKS, ROOT, book, lab, notebooks, readme, records, student, written
 from trackhelpers.suite.run import NotebookError, run
 
 
@@ -26,7 +26,12 @@ def main(arguments=None):
     commands = parser.add_subparsers(dest="command", required=True)
     refresh = commands.add_parser("refresh", help="run notebooks in place, store them normalised, and fill marks and pages of rows")
     refresh.add_argument("notebook", nargs="*", type=Path, help="notebooks to run (all of them if none is named)")
-    commands.add_parser("readme", help="bring the README, the marks and the pages of rows in step with the stored ledger")
+    commands.add_parser(
+        "readme", help="bring the README, the marks, the written pages and the pages of rows in step with the stored ledger"
+    )
+    commands.add_parser(
+        "links", help="list the written pages' links to rows that are not asked, and the questions that no page of a paper reaches"
+    )
     commands.add_parser("book", help="run every notebook afresh and build the web book")
     commands.add_parser("student", help="copy the notebooks without the solutions of their exercises to build/student")
     commands.add_parser("lab", help="open the notebooks in JupyterLab, and store what is saved there in the project's form", add_help=False)
@@ -41,7 +46,10 @@ def main(arguments=None):
             print(f"Without solutions: {student.copy()}")
         elif options.command == "readme":
             records.write()
+            written.write()
             readme.write()
+        elif options.command == "links":
+            return written.report()
         elif options.command == "lab":
             return lab.serve(more)
         else:
@@ -51,6 +59,7 @@ def main(arguments=None):
                     parser.error(f"{path} does not lie below {NOTEBOOKS}")
             run(named or notebooks(), lambda path: path, results=NOTEBOOKS / "results")
             records.write()
+            written.write()
             if not named:
                 readme.write()
     except (NotebookError, FileNotFoundError, RuntimeError) as error:

@@ -11,7 +11,7 @@ from urllib.parse import unquote, urlsplit
 import nbformat
 
 from trackhelpers.ledger import read_ledger
-from trackhelpers.suite import FIRST_PAGE, NOTEBOOKS, ROOT, form, notebooks
+from trackhelpers.suite import FIRST_PAGE, NOTEBOOKS, ROOT, form, notebooks, written
 from trackhelpers.suite.api_page import GROUPS, api_pages, homes
 from trackhelpers.suite.for_the_book import for_the_book
 from trackhelpers.suite.ledger_page import by_number, ledger_page, places_of
@@ -51,11 +51,11 @@ def build(folder=NOTEBOOKS, out=ROOT / "build"):
     shutil.copytree(folder, executed, ignore=shutil.ignore_patterns("*.ipynb", ".*"))
     (out / "results").mkdir()
     run(notebooks(folder), lambda path: executed / path.relative_to(folder), folder=folder, results=out / "results")
-    return pages(executed, out / "book")
+    return pages(executed, out / "book", with_written=True)
 
 
-def pages(executed, out):
-    """Build the pages of the notebooks below `executed` into ``out/html`` and return the path of the first one."""
+def pages(executed, out, with_written=False):
+    """Build the pages of the notebooks below `executed`, and the written ones if asked, into ``out/html`` and return the path of the first one."""
     source, html = out / "source", out / "html"
     shutil.copytree(executed, source)
     chapters = {path.relative_to(source).with_suffix("").as_posix(): nbformat.read(path, as_version=4) for path in notebooks(source)}
@@ -69,6 +69,8 @@ def pages(executed, out):
     if ledger is not None:
         (source / "ledger.md").write_text(ledger_page(ledger), encoding="utf-8")
         (source / "by_number.md").write_text(by_number(places), encoding="utf-8")
+    if with_written:
+        written.lay(source)
     for path in (source / "results").glob("*.md"):
         path.write_text(page_of_rows(path.read_text(encoding="utf-8")), encoding="utf-8")
     first = nbformat.read(source / FIRST_PAGE, as_version=4)
@@ -103,11 +105,21 @@ def contents(source):
     blocks = []
     for part, names in parts.items():
         caption = PARTS.get(part) or re.sub(r"^(\d+)\W", r"\1 · ", part.replace("_", " "))
-        blocks.append("\n".join(["```{toctree}", ":hidden:", f":caption: {caption}", "", *names, "```"]))
-    if (source / "ledger.md").exists():
-        blocks.append("```{toctree}\n:hidden:\n:caption: To look things up\n\nledger\nby_number\n```")
-    blocks.append("\n".join(["```{toctree}", ":hidden:", ":caption: API reference", "", *GROUPS, "```"]))
-    return "\n\n".join(blocks)
+        blocks.append(_toctree(caption, names))
+    there = (source / "pages").exists()
+    if there:
+        blocks.append(_toctree("The papers, in their own order", [f"pages/{Path(page).stem}" for page in written.PAPERS]))
+    look_up = [
+        *(["ledger", "by_number"] if (source / "ledger.md").exists() else []),
+        *([f"pages/{p}" for p in written.LOOK_UP] if there else []),
+    ]
+    if look_up:
+        blocks.append(_toctree("To look things up", look_up))
+    return "\n\n".join([*blocks, _toctree("API reference", GROUPS)])
+
+
+def _toctree(caption, names):
+    return "\n".join(["```{toctree}", ":hidden:", f":caption: {caption}", "", *names, "```"])
 
 
 class _Loads(HTMLParser):

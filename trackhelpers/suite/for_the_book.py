@@ -6,7 +6,11 @@ import nbformat
 
 __all__ = ["for_the_book", "plain"]
 
-PROMPTS = {"hide-cell": "Bookkeeping", "opening": "Imports and drawing"}
+MOVED = {
+    "../book/pages/": "pages/",
+    "../book/symbols.csv": "pages/symbols.md",
+}  # from the start page: where a link leads in the repository, and in the book
+PROMPTS = {"hide-cell": "Bookkeeping", "imports": "Imports", "picture": "How the picture is drawn", "cast": "The cast"}
 _OWN_ROW = re.compile(r"\[[^\]\[]*\]\(\.\./results/([a-z0-9_]+?__[a-z0-9_]+)\.md#([a-z0-9-]+)")
 _CHINESE = re.compile(r"[\u3400-\u9fff\uff00-\uffef\u3000-\u303f]+")
 # Pieces of Markdown in which nothing is to be replaced: code, formulas, links, HTML, headings.
@@ -33,6 +37,8 @@ def for_the_book(notebook, name="", places=None, rows=(), homes=None):
     _fold_the_opening(notebook)
     for cell in notebook.cells:
         if cell.cell_type == "markdown":
+            for here, there in MOVED.items():
+                cell.source = cell.source.replace(f"]({here}", f"]({there}")
             cell.source = with_chinese(with_equations(with_places(cell.source, name, pointed), name, places or {}))
             cell.source = with_reference(cell.source, name, homes or {}, named)
         options = {}
@@ -55,7 +61,9 @@ def _fold_the_opening(notebook):
         if cell.cell_type == "markdown" and re.search(r"^## ", cell.source, flags=re.MULTILINE):
             return
         if cell.cell_type == "code" and not {"hide-cell", "hide-input"} & set(cell.metadata.get("tags", [])):
-            cell.metadata["tags"] = [*cell.metadata.get("tags", []), "hide-input", "opening"]
+            only_imports = all(re.match(r"from |import |[ )]|plots\.use_style|ledger = |$", line) for line in cell.source.splitlines())
+            kind = "imports" if only_imports else "picture" if "plots.show(" in cell.source else "cast"
+            cell.metadata["tags"] = [*cell.metadata.get("tags", []), "hide-input", kind]
 
 
 def with_places(text, name, pointed):

@@ -1,0 +1,106 @@
+"""An ensemble of interacting models with headings: the models share one state."""
+
+import numpy as np
+
+from trackhelpers import angles
+from trackhelpers.filters.imm import weighed
+
+
+class EnsembleMotionIMM:
+    """`trackhelpers.filters.MotionIMM` over M runs, for models of one layout.
+
+    Parameters
+    ----------
+    filters : sequence of N EnsembleEKF or EnsembleUKF
+        Of models with one state, and of the same runs.
+    mu0 : array_like, shape (N,)
+        Probability of each model at the start.
+    transition : array_like, shape (N, N)
+        [i, j] is the probability of changing from model i to model j in a step of `predict`.
+
+    Attributes
+    ----------
+    mu : numpy.ndarray, shape (N, M)
+        Probability of each model, after `predict` too.
+    x (n, M), P (n, n, M) : of the mixture; also called `estimate`, `estimate_P`
+    y (m, M), S (m, m, M) : of the last update, as moments of the mixture of the filters' predicted measurements
+
+    Raises
+    ------
+    ValueError
+        Filters of different states or runs, probabilities that do not sum to one.
+
+    References
+    ----------
+    H. A. P. Blom, Y. Bar-Shalom, IEEE Transactions on Automatic Control AC-33 (1988) 780–783.
+    """
+
+    def __init__(self, filters, mu0, transition):
+        self.filters = list(filters)
+        if len(self.filters) < 2 or len({(ens.model.state, ens.runs) for ens in self.filters}) > 1:
+            raise ValueError(f"filters: expected two or more of one state and of the same runs, got {[ens.model for ens in self.filters]}")
+        N, mu0, chain = len(self.filters), np.asarray(mu0, dtype=float), np.asarray(transition, dtype=float)
+        for name, value, shape in (("mu0", mu0, (N,)), ("transition", chain, (N, N))):
+            if value.shape != shape or np.any(value < 0) or not np.allclose(value.sum(axis=-1), 1, rtol=0, atol=1e-9):
+                raise ValueError(f"{name}: expected probabilities of shape {shape} that sum to 1, got {value.tolist()}")
+        self.model, self.runs, self._chain = self.filters[0].model, self.filters[0].runs, chain
+        self.mu = np.repeat(mu0[:, None], self.runs, axis=1)
+        self.y, self.S = np.zeros((0, self.runs)), np.zeros((0, 0, self.runs))
+        self._put()
+
+    @property
+    def estimate(self):
+        """The mixture's mean, shape (n, M)."""
+        return self.x
+
+    @property
+    def estimate_P(self):
+        """Its covariance, shape (n, n, M)."""
+        return self.P
+
+    def predict(self, dt):
+        """Mix the filters' estimates, predict each over `dt` seconds, dt ≥ 0, and move the probabilities on by one step of the chain."""
+        after = self._chain.T @ self.mu
+        weights = self._chain[:, :, None] * self.mu[:, None] / np.maximum(after, np.finfo(float).tiny)  # [i, j]: i was in force if j is now
+        moments = [(ens.x, ens.P) for ens in self.filters]
+        for j, ens in enumerate(self.filters):
+            ens.x, ens.P = mixed(weights[:, j], moments, self.model.angles)
+            ens.predict(dt)
+        self.mu = after
+        self._put()
+
+    def update(self, z, sensor=None, mask=None, R=None):
+        """Correct each filter, and weigh the models by their likelihoods; arguments as for `Ensemble.update`. Runs without a measurement keep their probabilities."""
+        for ens in self.filters:
+            ens.update(z, sensor, mask=mask, R=R)
+        if not self.filters[0].y.size:
+            self.y, self.S = self.filters[0].y, self.filters[0].S
+        else:
+            logs = np.array([_log_likelihood(ens.y, ens.S) for ens in self.filters])
+            ahead = self.mu
+            self.mu = np.where(np.isnan(logs[0]), ahead, weighed(ahead, logs)[0])
+            self.y, self.S = mixed(ahead, [(ens.y, ens.S) for ens in self.filters], sensor.angles)
+        self._put()
+
+    def _put(self):
+        self.x, self.P = mixed(self.mu, [(ens.x, ens.P) for ens in self.filters], self.model.angles)
+
+
+def mixed(weights, moments, angular=()):
+    """Mean (n, M) and covariance (n, n, M) of a mixture: weights (N, M), and N pairs of a mean and a covariance; the components in `angular` the short way round."""
+    centre = moments[0][0]
+    apart = np.array([angles.residual(x, centre, angular) for x, _ in moments])
+    mean = np.einsum("km,knm->nm", weights, apart)
+    apart -= mean
+    P = sum(w * P for w, (_, P) in zip(weights, moments, strict=True)) + np.einsum("km,kim,kjm->ijm", weights, apart, apart)
+    return angles.wrap_components(centre + mean, angular), P
+
+
+def _log_likelihood(y, S):
+    """Logarithm of N(y; 0, S) for y (m, M) up to a constant; NaN in the runs that were not measured."""
+    measured = ~np.isnan(y[0])
+    logs = np.full(y.shape[1], np.nan)
+    white = np.moveaxis(S[..., measured], -1, 0)
+    solved = np.linalg.solve(white, y[:, measured].T[..., None])[..., 0]
+    logs[measured] = -0.5 * (np.sum(y[:, measured].T * solved, axis=1) + np.linalg.slogdet(white)[1])
+    return logs
