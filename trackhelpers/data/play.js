@@ -19,7 +19,7 @@ const inputs = data.sliders.map(slider => {
   input.max = slider.values.length - 1;
   input.value = slider.start;
   input.setAttribute("aria-label", slider.name);
-  input.dataset.lmSuppressShortcuts = "";  // in JupyterLab an arrow would go to the next cell
+  input.dataset.lmSuppressShortcuts = "";  /* in JupyterLab an arrow would go to the next cell */
   input.addEventListener("input", draw);
   label.append(name, input, value);
   controls.append(label);
