@@ -9,7 +9,11 @@ import pytest
 from hypothesis import HealthCheck, settings
 
 # An example may take its time: no test depends on the speed of the machine.
-settings.register_profile("patient", deadline=None, suppress_health_check=[HealthCheck.too_slow])
+# Nothing is remembered of failed examples where the checkout cannot be written to.
+WRITABLE = os.access(Path(__file__).parent, os.W_OK)
+settings.register_profile(
+    "patient", deadline=None, suppress_health_check=[HealthCheck.too_slow], **({} if WRITABLE else {"database": None})
+)
 settings.load_profile("patient")
 
 os.environ.setdefault("MPLBACKEND", "Agg")  # the notebooks' kernels have their own setting

@@ -8,6 +8,7 @@ from math import cos, pi, sin
 import numpy as np
 
 from trackhelpers import symbols
+from trackhelpers.checks import check_angles, check_array, check_numbers, check_together
 from trackhelpers.symbols import Symbol
 
 NAMES = ("θ", "Φ", "ψ")  # of components that are angles in every layout of this package
@@ -25,8 +26,13 @@ def wrap(angle):
     -------
     numpy.ndarray or float
         The same directions in [−π, π); values that lie there already come back bit for bit.
+
+    Raises
+    ------
+    ValueError
+        For what is no number.
     """
-    angle = np.array(angle, dtype=float)
+    angle = np.array(check_numbers(angle, "angle"))
     wrap_rows(angle[None], (0,))
     return angle[()]
 
@@ -47,8 +53,9 @@ def wrap_rows(x, angles):
 
 
 def wrap_components(x, angles):
-    """Copy of `x` whose rows named by the indices `angles` are wrapped; `x` (n, ...), angles in rad."""
-    return wrap_rows(np.array(x, dtype=float), angles)
+    """Copy of `x` whose rows named by the indices `angles` are wrapped; `x` (n, ...), angles in rad. ValueError for what is neither."""
+    x = np.array(check_numbers(x, "x"))
+    return wrap_rows(x, check_angles(angles, x.shape[0] if x.ndim else 0))
 
 
 def cos_sin(angle):
@@ -79,8 +86,17 @@ def residual(a, b, angles=()):
     Returns
     -------
     numpy.ndarray, shape (n, ...)
+
+    Raises
+    ------
+    ValueError
+        Shapes that do not fit, what is no number, indices that there are not.
     """
-    return wrap_rows(np.subtract(a, b, dtype=float), angles)
+    a, b = check_together("shapes (n, ...) that broadcast against each other", a=a, b=b)
+    difference = np.subtract(a, b)
+    if isinstance(angles, tuple) and not angles:
+        return difference
+    return wrap_rows(difference, check_angles(angles, difference.shape[0] if difference.ndim else 0))
 
 
 def mean(points, weights, angles=()):
@@ -101,13 +117,18 @@ def mean(points, weights, angles=()):
     Returns
     -------
     numpy.ndarray, shape (n, ...)
+
+    Raises
+    ------
+    ValueError
+        Shapes that do not fit, what is no number, indices that there are not.
     """
-    points = np.asarray(points, dtype=float)
-    weights = np.asarray(weights, dtype=float)
+    points, weights = check_array(points, "points", None), check_numbers(weights, "weights")
     if points.ndim < 2 or weights.shape != points.shape[1:2]:
         raise ValueError(
             f"weights: expected shape ({points.shape[1] if points.ndim > 1 else '?'},) for points {points.shape}, got {weights.shape}"
         )
+    angles = check_angles(angles, len(points))
     average = np.einsum("k,nk...->n...", weights, points)
     for i in angles:
         centre = points[i, 0]

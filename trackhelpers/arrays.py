@@ -13,31 +13,42 @@ from trackhelpers.checks import check_array as check_array
 from trackhelpers.checks import check_covariance as check_covariance
 from trackhelpers.checks import check_dt as check_dt
 from trackhelpers.checks import check_matrix as check_matrix
+from trackhelpers.checks import check_numbers
 from trackhelpers.checks import check_scale as check_scale
 
 
 def matmul(A, B):
-    """Matrix product of (p, q, ...) and (q, r, ...): shape (p, r, ...)."""
+    """Matrix product of (p, q, ...) and (q, r, ...): shape (p, r, ...). ValueError, as from all of these, for shapes that do not fit and what is no number."""
+    A, B = check_numbers(A, "A"), check_numbers(B, "B")
+    _fit(A.ndim > 1 and B.ndim > 1 and A.shape[1] == B.shape[0], "A, B: expected shapes (p, q, ...) and (q, r, ...)", A, B, 2, 2)
     return np.einsum("ij...,jk...->ik...", A, B)
 
 
 def matvec(A, x):
     """Matrix times vector, (p, q, ...) and (q, ...): shape (p, ...)."""
+    A, x = check_numbers(A, "A"), check_numbers(x, "x")
+    _fit(A.ndim > 1 and x.ndim > 0 and A.shape[1] == x.shape[0], "A, x: expected shapes (p, q, ...) and (q, ...)", A, x, 2, 1)
     return np.einsum("ij...,j...->i...", A, x)
 
 
 def transpose(A):
     """Transpose of the first two axes, (p, q, ...) to (q, p, ...)."""
+    A = check_numbers(A, "A")
+    if A.ndim < 2:
+        raise ValueError(f"A: expected shape (p, q, ...), got {A.shape}")
     return np.swapaxes(A, 0, 1)
 
 
 def congruence(A, P):
     """A P Aᵀ for A (p, q, ...) and P (q, q, ...): shape (p, p, ...)."""
+    A, P = check_numbers(A, "A"), _square(P, "P")
+    _fit(A.ndim > 1 and A.shape[1] == P.shape[0], "A, P: expected shapes (p, q, ...) and (q, q, ...)", A, P, 2, 2)
     return np.einsum("ij...,kj...->ik...", matmul(A, P), A)
 
 
 def symmetrised(P):
-    """(P + Pᵀ)/2."""
+    """(P + Pᵀ)/2 of P (n, n, ...)."""
+    P = _square(P, "P")
     return 0.5 * (P + (P.T if P.ndim == 2 else np.swapaxes(P, 0, 1)))
 
 
@@ -46,7 +57,7 @@ def cholesky(P):
 
     A run whose matrix is not positive definite gets NaN and leaves its neighbours alone; `numpy.linalg.cholesky` would refuse the whole stack.
     """
-    L = np.array(P, dtype=float)
+    L = np.array(_square(P, "P"))
     with np.errstate(invalid="ignore", divide="ignore"):
         for j in range(len(L)):
             L[j, j] = np.sqrt(_positive(L[j, j]))
@@ -57,6 +68,23 @@ def cholesky(P):
     return L
 
 
+def _square(P, name):
+    """`P` as floats of shape (n, n, ...); ValueError unless it has it."""
+    P = check_numbers(P, name)
+    if P.ndim < 2 or P.shape[0] != P.shape[1]:
+        raise ValueError(f"{name}: expected shape (n, n, ...), got {P.shape}")
+    return P
+
+
+def _fit(fits, expected, A, B, a, b):
+    """ValueError unless two arrays fit, and their axes from `a` and `b` on broadcast."""
+    runs, others = A.shape[a:], B.shape[b:]
+    if fits and runs and others and runs != others:
+        fits = all(1 in pair or pair[0] == pair[1] for pair in zip(reversed(runs), reversed(others), strict=False))
+    if not fits:
+        raise ValueError(f"{expected}, got {A.shape} and {B.shape}")
+
+
 def _positive(pivot):
     """`pivot` with NaN for what is not positive."""
     positive = pivot > 0
@@ -65,7 +93,8 @@ def _positive(pivot):
 
 def solve_lower(L, B):
     """L⁻¹B for lower triangular L (n, n, ...) and B (n, ...) or (n, r, ...); trailing axes broadcast."""
-    B = np.asarray(B, dtype=float)
+    L, B = _square(L, "L"), check_numbers(B, "B")
+    _fit(B.ndim > 0 and len(B) == len(L), "L, B: expected shapes (n, n, ...) and (n, ...)", L, B, 2, B.ndim)
     rows = []
     for i in range(len(L)):
         row = B[i]
@@ -77,12 +106,18 @@ def solve_lower(L, B):
 
 def inverse(P):
     """Inverse of symmetric positive definite P (n, n, ...); NaN in the runs where it is not positive definite."""
+    P = _square(P, "P")
     half = solve_lower(cholesky(P), np.eye(len(P)).reshape(len(P), len(P), *[1] * (np.ndim(P) - 2)))
     return np.einsum("ki...,kj...->ij...", half, half)
 
 
 def divide(A, P):
     """A P⁻¹ for A (m, n) and a covariance P (n, n), its pseudo-inverse where it is singular; decided on the correlations, so that no unit decides it."""
+    P = check_numbers(P, "P")
+    A = check_matrix(A, "A", (None, len(P) if P.ndim else 0))
+    P = check_matrix(P, "P", (len(P), len(P)))
+    if (P.diagonal() < 0).any():
+        raise ValueError(f"P: expected a covariance, got a variance of {P.diagonal().min():.3g}")
     scale = np.sqrt(np.diag(P))
     scale[scale == 0] = 1.0
     return (A / scale) @ np.linalg.pinv(P / np.outer(scale, scale), rcond=1e-14, hermitian=True) / scale
@@ -104,7 +139,9 @@ def eliminate(S, below):
     D : numpy.ndarray, shape (m, ...)
         Both NaN in the runs where S is not positive definite.
     """
+    S, below = _square(S, "S"), check_numbers(below, "below")
     m = len(S)
+    _fit(below.ndim > 1 and below.shape[1] == m, "S, below: expected shapes (m, m, ...) and (q, m, ...)", S, below, 2, 2)
     A = np.empty((m + len(below), m, *np.broadcast_shapes(S.shape[2:], below.shape[2:])))
     A[:m], A[m:] = S, below
     D = np.empty_like(A[0])
@@ -125,6 +162,8 @@ def eliminate(S, below):
 
 def mahalanobis(y, S):
     """yᵀS⁻¹y for y (m, ...) and S (m, m, ...), by symmetric elimination; NaN where S is not positive definite."""
+    y, S = check_numbers(y, "y"), _square(S, "S")
+    _fit(y.ndim > 0 and len(y) == len(S), "y, S: expected shapes (m, ...) and (m, m, ...)", y, S, 1, 2)
     if y.ndim == 2 and y.shape == S.shape[1:] and (total := fused.mahalanobis(y, S)) is not None:
         return total
     A, D = eliminate(S, y[None])

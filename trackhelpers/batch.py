@@ -5,6 +5,8 @@ from typing import NamedTuple
 import numpy as np
 
 from trackhelpers.arrays import check_array, check_covariance, cholesky, inverse, matvec
+from trackhelpers.charts import check_chart
+from trackhelpers.checks import check_count, check_number, check_numbers
 from trackhelpers.sensors.tdoa import check_stations, difference_gradients, range_differences
 
 _QUIET = {"over": "ignore", "invalid": "ignore", "divide": "ignore"}
@@ -52,7 +54,8 @@ def batch_fix(z, t, satellites, R, chart, x0, t0=0.0, there=None, iterations=100
     ValueError
         Shapes that do not fit; for one run also fewer differences than unknowns, a search that ends nowhere, and unknowns that the differences do not tell.
     """
-    problem, x = _checked(z, t, satellites, R, chart, x0, t0, there)
+    iterations = check_count(iterations, "iterations")
+    problem, x = _checked(z, t, satellites, R, check_chart(chart), x0, check_number(t0, "t0"), there)
     one = np.ndim(z) == 2
     n, M = x.shape
     best, P, final = np.full((n, M), np.nan), np.full((n, n, M), np.nan), np.full(M, np.nan)
@@ -88,7 +91,9 @@ def batch_fix(z, t, satellites, R, chart, x0, t0=0.0, there=None, iterations=100
     if not one:
         return BatchFix(best, P, final)
     if lost[0]:
-        raise ValueError(f"x0: the search from {np.asarray(x0)} ends at no minimum that the range differences tell")
+        raise ValueError(
+            f"x0: the search from {np.asarray(x0)} ends nowhere, expected a start from which it comes to a minimum that the range differences tell"
+        )
     return BatchFix(best[:, 0], P[..., 0], final[0])
 
 
@@ -138,7 +143,7 @@ def _inverse(A):
 
 
 def _checked(z, t, satellites, R, chart, x0, t0, there):
-    z = np.asarray(z, dtype=float)
+    z = check_numbers(z, "z")
     if z.ndim not in (2, 3) or z.shape[0] != 2:
         raise ValueError(f"z: expected shape (2, N) or (2, N, M), got {z.shape}")
     there = np.isfinite(z) if there is None else np.asarray(there)

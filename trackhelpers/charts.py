@@ -9,12 +9,14 @@ import numpy as np
 import pymap3d
 
 from trackhelpers.arrays import check_array, matvec
+from trackhelpers.checks import check_dt, check_number, check_together, check_vector
 
 _WGS84 = pymap3d.Ellipsoid.from_name("wgs84")
 
 
 def ecef(lat, lon, h=0.0):
-    """ECEF position (3, ...), m, of geodetic latitude and longitude, rad, and height, m, which broadcast against each other."""
+    """ECEF position (3, ...), m, of geodetic latitude and longitude, rad, and height, m, which broadcast against each other; ValueError where they don't."""
+    lat, lon, h = check_together(lat=lat, lon=lon, h=h)
     return np.stack(np.broadcast_arrays(*pymap3d.geodetic2ecef(*np.broadcast_arrays(lat, lon, h), deg=False)))
 
 
@@ -45,8 +47,21 @@ def next_sign(z, z_rate, dt):
     -------
     float or numpy.ndarray (M,)
         1 or −1.
+
+    Raises
+    ------
+    ValueError
+        Shapes that do not fit, what is no number, a negative dt.
     """
-    return np.where(np.asarray(z) + np.asarray(z_rate) * dt < 0, -1.0, 1.0)[()]  # (2)
+    z, z_rate = check_together(z=z, z_rate=z_rate)
+    return np.where(z + z_rate * check_dt(dt) < 0, -1.0, 1.0)[()]  # (2)
+
+
+def check_chart(chart, name="chart"):
+    """`chart`; ValueError unless it is a `Chart`."""
+    if not isinstance(chart, Chart):
+        raise ValueError(f"{name}: expected a chart of trackhelpers.charts, got {chart!r}")
+    return chart
 
 
 class Chart:
@@ -54,7 +69,9 @@ class Chart:
 
     def velocity(self, q, rate):
         """Velocity (3, ...) in space, m/s, of coordinates q (2, ...) that change by `rate` (2, ...)."""
-        return matvec(self.jacobian(q), check_array(rate, "rate", 2))
+        J, rate = self.jacobian(q), check_array(rate, "rate", 2)
+        check_together("shapes (2, ...) that broadcast", q=J[0, 0], rate=rate[0])
+        return matvec(J, rate)
 
     def _refuse(self, q, outside, expected):
         """ValueError for one target that is outside."""
@@ -104,8 +121,8 @@ class Ellipsoid(Chart):
     a, b = _WGS84.semimajor_axis, _WGS84.semiminor_axis
 
     def __init__(self, sign=1):
-        signs = check_array(np.atleast_1d(sign), "sign", None)
-        if signs.ndim > 1 or not np.all(np.abs(signs) == 1):
+        signs = check_vector(sign, "sign")
+        if not np.all(np.abs(signs) == 1):
             raise ValueError(f"sign: expected 1 or -1, or one of them for each run, got {sign!r}")
         self._sign = np.array(signs if np.ndim(sign) else signs[0])
         self._sign.setflags(write=False)
@@ -163,7 +180,7 @@ class LocalENU(Chart):
     """
 
     def __init__(self, lat, lon, h=0.0):
-        self.lat, self.lon, self.h = check_array([lat, lon, h], "lat, lon, h", 3, ()).tolist()
+        self.lat, self.lon, self.h = check_number(lat, "lat"), check_number(lon, "lon"), check_number(h, "h")
         if abs(self.lat) > np.pi / 2 or abs(self.lon) > 2 * np.pi:
             raise ValueError(f"lat, lon: expected radians, |lat| ≤ π/2 and |lon| ≤ 2π, got {self.lat}, {self.lon}")
         self._origin = ecef(self.lat, self.lon, self.h)

@@ -6,7 +6,17 @@ from scipy.linalg.lapack import dposv
 
 from trackhelpers import angles as _angles
 from trackhelpers.arrays import congruence, inverse, mahalanobis, transpose
-from trackhelpers.checks import all_finite, check_angles, check_array, check_covariance, check_matrix, correlations, deviations
+from trackhelpers.checks import (
+    all_finite,
+    check_angles,
+    check_array,
+    check_count,
+    check_covariance,
+    check_matrix,
+    check_probability,
+    correlations,
+    deviations,
+)
 
 
 def nees(x_true, x, P, angles=()):
@@ -36,9 +46,14 @@ def nees(x_true, x, P, angles=()):
     """
     x = check_array(x, "x", None)
     x_true = check_array(x_true, "x_true", len(x))
+    shapes = x_true.shape, x.shape
+    if shapes[0] != shapes[1] or x.ndim != 1 or not len(x):
+        fit = all(1 in pair or pair[0] == pair[1] for pair in zip(shapes[0][:0:-1], shapes[1][:0:-1], strict=False))
+        if 0 in x.shape or not fit:
+            raise ValueError(f"x_true, x: expected shapes (n,) or (n, M), got {x_true.shape} and {x.shape}")
     if x_true.ndim == 1 and x.ndim == 2:
         x_true = x_true[:, None]
-    return _normalised(_angles.residual(x_true, x, check_angles(angles, len(x))), P, "P")
+    return _normalised(_angles.wrap_rows(x_true - x, check_angles(angles, len(x))), P, "P")
 
 
 def nis(y, S):
@@ -60,7 +75,10 @@ def nis(y, S):
     ValueError
         As for `nees`.
     """
-    return _normalised(check_array(np.atleast_1d(y), "y", None), S, "S")
+    y = check_array(y if isinstance(y, (list, tuple)) or getattr(y, "ndim", 0) else [y], "y", None)
+    if 0 in y.shape:
+        raise ValueError(f"y: expected shape (m,) or (m, M), got {y.shape}")
+    return _normalised(y, S, "S")
 
 
 def _normalised(error, P, name):
@@ -93,12 +111,13 @@ def chi2_band(dim, runs=1, level=0.95):
     Returns
     -------
     low, high : float
+
+    Raises
+    ------
+    ValueError
+        For numbers that are not whole or not positive, and a level that is no probability.
     """
-    for name, value in (("dim", dim), ("runs", runs)):
-        if not (np.isscalar(value) and np.isfinite(value) and value >= 1 and value == int(value)):
-            raise ValueError(f"{name}: expected a whole number ≥ 1, got {value!r}")
-    if not 0 < level < 1:
-        raise ValueError(f"level: expected a probability between 0 and 1, got {level!r}")
+    dim, runs, level = check_count(dim, "dim"), check_count(runs, "runs"), check_probability(level, "level")
     low, high = stats.chi2.interval(level, dim * runs)
     return low / runs, high / runs
 
@@ -130,6 +149,9 @@ def cramer_rao(Fs, Qs, Hs, Rs, P0):
     """
     P = check_covariance(P0, "P0", len(check_array(P0, "P0", None)), definite=True)
     n = len(P)
+    for name, value in (("Fs", Fs), ("Qs", Qs), ("Hs", Hs), ("Rs", Rs)):
+        if not isinstance(value, (list, tuple, np.ndarray)):
+            raise ValueError(f"{name}: expected a sequence, one a step, got {value!r}")
     if not len(Fs) == len(Qs) == len(Hs) == len(Rs):
         raise ValueError(f"Fs, Qs, Hs, Rs: expected equal lengths, got {len(Fs)}, {len(Qs)}, {len(Hs)}, {len(Rs)}")
     bound = []

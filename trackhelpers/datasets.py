@@ -1,6 +1,7 @@
 """Public data that the notebooks use: most are not shipped, but looked for on this machine, else downloaded once and checked; coastlines are shipped."""
 
 import functools
+import hashlib
 import os
 from pathlib import Path
 from typing import NamedTuple
@@ -49,7 +50,9 @@ def path(name):
         found = Path(folder) / name
         sha256 = pooch.file_hash(str(found))
         if sha256 != source.sha256:
-            raise ValueError(f"{found} (from TRACKHELPERS_DATA) has sha256 {sha256}, expected {source.sha256}")
+            unix = hashlib.sha256(found.read_bytes().replace(b"\r\n", b"\n")).hexdigest()
+            why = ": its line ends were turned into CRLF, copy it byte by byte" if unix == source.sha256 else ""
+            raise ValueError(f"{found} (from TRACKHELPERS_DATA) has sha256 {sha256}, expected {source.sha256}{why}")
         return found
     cache = pooch.create(
         path=pooch.os_cache("trackhelpers"),
@@ -76,21 +79,32 @@ def available(name):
     ValueError
         If `name` is not in SOURCES.
     """
+    return why_not(name) is None
+
+
+def why_not(name):
+    """Return why :func:`path` cannot give the file `name`, as text, or None if it can; a download is tried, but only once a process.
+
+    Raises
+    ------
+    ValueError
+        If `name` is not in SOURCES.
+    """
     _source(name)
-    return _available(name, os.environ.get("TRACKHELPERS_DATA"))
+    return _why_not(name, os.environ.get("TRACKHELPERS_DATA"))
 
 
 @functools.cache
-def _available(name, folder):  # `folder` is part of the key alone: another folder deserves another look
+def _why_not(name, folder):  # `folder` is part of the key alone: another folder deserves another look
     try:
         path(name)
-    except (OSError, ValueError):
-        return False
-    return True
+    except (OSError, ValueError) as error:
+        return str(error)
+    return None
 
 
 def _source(name):
-    if name not in SOURCES:
+    if not isinstance(name, str) or name not in SOURCES:
         raise ValueError(f"name={name!r} is not a known data set, expected one of {sorted(SOURCES)}")
     return SOURCES[name]
 

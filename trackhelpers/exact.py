@@ -9,7 +9,9 @@ from typing import NamedTuple
 import numpy as np
 from scipy.linalg import solve_discrete_are, solve_discrete_lyapunov
 
-from trackhelpers.arrays import all_finite, check_array, check_covariance, symmetrised
+from trackhelpers.arrays import all_finite, check_array, check_covariance, check_matrix, symmetrised
+from trackhelpers.checks import check_count, check_number, check_numbers, check_positive
+from trackhelpers.model import check_model
 
 
 class Gains(NamedTuple):
@@ -24,6 +26,12 @@ class Gains(NamedTuple):
 
 def gain(P, H, R):
     """S = H P Hᵀ + R, K = P Hᵀ S⁻¹ and I − K H of one measurement, for the predicted covariance P (n, n); ValueError unless S is positive definite."""
+    P = check_covariance(P, "P", len(check_array(P, "P", None)))
+    H = check_matrix(H, "H", (None, len(P)))
+    return _gain(P, H, check_covariance(R, "R", len(H)))
+
+
+def _gain(P, H, R):
     S = symmetrised(H @ P @ H.T) + R  # inverted by its Cholesky root, which also tells whether it is positive definite
     try:
         root = np.linalg.inv(np.linalg.cholesky(S))
@@ -56,15 +64,14 @@ def gains(F, H, Q, R, P0, steps, joseph=True):
     ValueError
         For shapes that do not fit, numbers that are not finite, a Q, R or P0 that is no covariance, and a singular H P⁻ Hᵀ + R.
     """
-    if not isinstance(steps, (int, np.integer)) or steps < 0:
-        raise ValueError(f"steps: expected a whole number ≥ 0, got {steps!r}")
+    steps = check_count(steps, "steps", 0)
     F, H, Q, R = _system(F, H, Q, R, steps)
     n, m = F.shape[1], R.shape[1]
     prior, S, K, A, P = (np.empty((steps, *shape)) for shape in ((n, n), (m, m), (n, m), (n, n), (n, n)))
     P = np.concatenate([check_covariance(P0, "P0", n)[None], P])
     for k in range(steps):
         prior[k] = symmetrised(F[k] @ P[k] @ F[k].T) + Q[k]
-        S[k], K[k], A[k] = gain(prior[k], H[k], R[k])
+        S[k], K[k], A[k] = _gain(prior[k], H[k], R[k])
         P[k + 1] = symmetrised(A[k] @ prior[k] @ A[k].T + K[k] @ R[k] @ K[k].T if joseph else A[k] @ prior[k])
     return Gains(*(np.moveaxis(a, 0, -1) for a in (prior, S, K, A, P)))
 
@@ -100,7 +107,8 @@ def errors(F, A, K, R, d=None, Q=None, bias0=None, covariance0=None):
     ValueError
         For shapes that do not fit, numbers that are not finite, and an R, Q or covariance0 that is no covariance.
     """
-    if np.ndim(K) != 3:
+    K = K if isinstance(K, (list, tuple)) else check_numbers(K, "K")
+    if check_numbers(K, "K").ndim != 3:
         raise ValueError(f"K: expected shape (n, m, N), a gain for each step, got {np.shape(K)}")
     n, m, steps = np.shape(K)
     A, K, F = _by_step(A, "A", (n, n), steps), _by_step(K, "K", (n, m), steps), _by_step(F, "F", (n, n), steps)
@@ -151,6 +159,7 @@ def exact_error(model, sensor, truth, dt, x0, P0, error0=None):
     ValueError
         For a model or a sensor that is not linear, a sensor of another layout, shapes that do not fit, numbers that are not finite, and a Q, R, P0 or error0 that is no covariance.
     """
+    check_model(model)
     for name, value in (("model", model), ("sensor", sensor)):
         if not getattr(value, "linear", False):
             raise ValueError(f"{name}: expected a linear one, for which the gain does not depend on the data, got {value!r}")
@@ -189,7 +198,7 @@ def steady_state(F, H, Q, R):
     check_covariance(R, "R", len(R), definite=True)
     try:
         prior = solve_discrete_are(F.T, H.T, Q, R)
-        S, K, A = gain(prior, H, R)
+        S, K, A = _gain(prior, H, R)
         P = symmetrised(A @ prior @ A.T + K @ R @ K.T)
         settled = np.abs(F @ P @ F.T + Q - prior).max() <= 1e-6 * np.abs(prior).max()
     except np.linalg.LinAlgError:
@@ -219,16 +228,21 @@ def steady_errors(F, A, K, R, d=None, Q=None):
 def alpha_beta(index):
     """Steady gains of a constant-velocity filter by its tracking index Γ = σ_a T²/σ: K = [α; β/T] (Kalata 1984).
 
-    r = (4 + Γ − √(8Γ + Γ²))/4, α = 1 − r², β = 2(2 − α) − 4√(1 − α).
+    r = (4 + Γ − √(8Γ + Γ²))/4, α = 1 − r², β = 2(2 − α) − 4√(1 − α). ValueError for an index that is no number ≥ 0.
     """
-    index = np.asarray(index, dtype=float)
+    index = check_numbers(index, "index")[()]
+    if not np.all((index >= 0) & (index < np.inf)):
+        raise ValueError(f"index: expected tracking indices ≥ 0, got {index}")
     r = (4 + index - np.sqrt(8 * index + index**2)) / 4
     alpha = 1 - r**2
     return alpha, 2 * (2 - alpha) - 4 * np.sqrt(1 - alpha)
 
 
 def steady_lag(index, a=1.0, dt=1.0):
-    """Error (position, velocity) of a settled constant-velocity filter under a constant acceleration: −(1 − α)aT²/β and −(α/β − ½)aT."""
+    """Error (position, velocity) of a settled constant-velocity filter under a constant acceleration: −(1 − α)aT²/β and −(α/β − ½)aT. ValueError for an index or a step that is not > 0."""
+    if not np.all(check_numbers(index, "index") > 0):
+        raise ValueError(f"index: expected tracking indices > 0, got {index!r}")
+    a, dt = check_number(a, "a"), check_positive(dt, "dt", "a time step > 0, seconds as a number")
     alpha, beta = alpha_beta(index)
     return -(1 - alpha) * a * dt**2 / beta, -(alpha / beta - 0.5) * a * dt
 
@@ -240,15 +254,16 @@ def _system(F, H, Q, R, steps):
 
 
 def _size(value, name):
-    if np.ndim(value) not in (2, 3):
-        raise ValueError(f"{name}: expected a square matrix, or one a step, got shape {np.shape(value)}")
-    return np.shape(value)[-2]  # whichever way it carries the steps
+    shape = check_numbers(value, name).shape
+    if len(shape) not in (2, 3) or 0 in shape[:2]:
+        raise ValueError(f"{name}: expected a square matrix, or one a step, got shape {shape}")
+    return shape[-2]  # whichever way it carries the steps
 
 
 def _by_step(value, name, shape, steps, covariance=False):
     """A constant matrix, or one a step, as an array (steps, *shape)."""
-    listed = isinstance(value, (list, tuple)) and len(value) > 0 and np.ndim(value[0]) == 2
     matrix = _finite(check_array(value, name, None), name)
+    listed = isinstance(value, (list, tuple)) and len(value) > 0 and np.ndim(value[0]) == 2
     matrix = np.moveaxis(matrix, -1, 0) if matrix.ndim == 3 and not listed else matrix
     if matrix.shape not in (shape, (steps, *shape)):
         raise ValueError(f"{name}: expected shape {shape}, or {steps} of them, got {np.shape(value)}")

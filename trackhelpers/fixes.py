@@ -8,7 +8,7 @@ import numpy as np
 from trackhelpers.arrays import check_array, check_covariance, inverse
 from trackhelpers.batch import BatchFix as BatchFix
 from trackhelpers.batch import batch_fix as batch_fix
-from trackhelpers.charts import Ellipsoid
+from trackhelpers.charts import Ellipsoid, check_chart
 from trackhelpers.sensors.tdoa import check_stations, difference_gradients, range_differences
 
 _AXES = np.array([Ellipsoid.a, Ellipsoid.a, Ellipsoid.b])
@@ -118,7 +118,7 @@ def fix_covariance(position, satellites, R, chart):
     numpy.ndarray, shape (2, 2, ...)
         NaN where the position is, or is below the horizon of a satellite, or where the differences do not tell it; for one position that is a ValueError.
     """
-    p, s = check_array(position, "position", 3), check_stations(satellites, "satellites")
+    p, s, chart = check_array(position, "position", 3), check_stations(satellites, "satellites"), check_chart(chart)
     visible = _seen(p, s)
     if p.ndim == 1 and not np.all(visible):
         raise ValueError(f"position: expected one that all satellites see, got one below the horizon, {p}")

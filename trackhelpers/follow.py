@@ -1,5 +1,6 @@
 """The loop that everybody writes: predict, take the sensor's measurement, correct, keep what it gave; and the smoother that goes back over it."""
 
+from inspect import signature
 from typing import NamedTuple
 
 import numpy as np
@@ -7,6 +8,7 @@ from scipy.stats import chi2
 
 from trackhelpers import angles as _angles
 from trackhelpers.arrays import check_dt, divide
+from trackhelpers.checks import check_names, check_number, check_probability
 
 
 class History:
@@ -88,14 +90,24 @@ def follow(kf, zs, sensors=None, dt=None, t0=0.0, Rs=None, masks=None, keep=None
     ValueError
         Sequences of another length than zs or a gate that is no probability, before anything is moved; what predict and update raise, with the index of the measurement, at which the filter then stands.
     """
-    zs = list(zs)
+    if not hasattr(kf, "predict") or not hasattr(kf, "update"):
+        raise ValueError(f"kf: expected a filter or an ensemble, got {kf!r}")
+    if not isinstance(zs, (list, tuple, np.ndarray)):
+        raise ValueError(f"zs: expected a sequence of measurements, got {zs!r}")
+    zs, t0 = list(zs), check_number(t0, "t0", "a finite time, seconds as a number")
     sensors, steps, Rs, masks = (_each(value, name, zs) for value, name in ((sensors, "sensors"), (dt, "dt"), (Rs, "Rs"), (masks, "masks")))
+    if steps is None and any(each.default is each.empty for each in signature(kf.predict).parameters.values()):
+        raise ValueError(f"dt: expected the step before each measurement, s, which {type(kf).__name__}.predict takes, got None")
     steps = None if steps is None else [check_dt(step, "dt") for step in steps]
     t = t0 + (np.arange(1, len(zs) + 1) if steps is None else np.cumsum(steps))
     many = hasattr(kf, "runs")
-    if gate is not None and (many or not 0 < gate < 1):
-        raise ValueError(f"gate: expected a probability between 0 and 1, and a filter of one target, got {gate!r} and {type(kf).__name__}")
-    keep = (("x",) if many else ("x", "P", "y", "S")) if keep is None else tuple(keep)
+    if gate is not None and many:
+        raise ValueError(f"gate: expected a filter of one target, got {type(kf).__name__}")
+    gate = None if gate is None else check_probability(gate, "gate")
+    keep = (("x",) if many else ("x", "P", "y", "S")) if keep is None else check_names(keep, "keep", empty=True)
+    lacking = [name for name in keep if not hasattr(kf, name)]
+    if lacking:
+        raise ValueError(f"keep: expected attributes of {type(kf).__name__}, got {lacking}")
     kept, smoothable = {name: [] for name in keep}, getattr(kf, "smoothable", False)
     passed, outliers = [], []
     for k, z in enumerate(zs):
@@ -111,7 +123,7 @@ def follow(kf, zs, sensors=None, dt=None, t0=0.0, Rs=None, masks=None, keep=None
             elif not _update_within(kf, z, gate, arguments):
                 outliers.append(k)
         except ValueError as error:
-            raise ValueError(f"zs[{k}]: {error}") from error
+            raise ValueError(f"zs[{k}]: {_of_step(str(error), k)}") from error
         if smoothable:
             passed.append(_Step(*prior, kf.x.copy(), kf.P.copy()))
         for name, values in kept.items():
@@ -173,6 +185,12 @@ def _update_within(kf, z, gate, arguments):
     return False
 
 
+def _of_step(message, k):
+    """What a filter says of its argument, in the name of the sequence that it comes from."""
+    name, colon, rest = message.partition(":")
+    return f"{name}s[{k}]{colon}{rest}" if name in ("R", "sensor", "mask") else message
+
+
 def _arguments(k, t, sensors, Rs, masks):
     found = {}
     if sensors is not None:
@@ -190,9 +208,11 @@ def _each(value, name, zs):
         return None
     if name == "sensors":
         one = hasattr(value, "at")
+        if not one and not (isinstance(value, (list, tuple)) and all(each is None or hasattr(each, "at") for each in value)):
+            raise ValueError(f"sensors: expected a sensor, or a sequence of one a measurement, got {value!r}")
     else:
         one = np.ndim(value) == (2 if name == "Rs" else 0) if not isinstance(value, (list, tuple)) else False
-    values = [value] * len(zs) if one else list(value)
+    values = [value] * len(zs) if one or not hasattr(value, "__len__") else list(value)
     if len(values) != len(zs):
         raise ValueError(f"{name}: expected one for all or {len(zs)}, one a measurement, got {len(values)}")
     return values

@@ -12,7 +12,7 @@ import numpy as np
 
 from trackhelpers.angles import wrap, wrap_rows
 from trackhelpers.arrays import cholesky, congruence, inverse, matmul, matvec, solve_lower, symmetrised, transpose
-from trackhelpers.checks import check_angles, check_array, check_covariance, check_matrix, deviations
+from trackhelpers.checks import all_finite, check_angles, check_array, check_covariance, check_matrix, deviations
 
 _ROUNDING = 1e-12  # of a variance, in units of what it is the difference of
 
@@ -103,7 +103,7 @@ def maximum_likelihood(xs, P_joint, angles=()):
     ValueError
         No track, shapes that do not fit, a joint covariance that is not one.
     """
-    xs = list(xs)
+    xs = _listed(xs, "xs")
     xs = _estimates(xs, [f"xs[{i}]" for i in range(len(xs))], angles)
     n, N = len(xs[0]), len(xs)
     joint = check_covariance(P_joint, "P_joint", n * N)
@@ -180,7 +180,7 @@ def information_fusion(x_prior, P_prior, xs, Ps, x_priors, P_priors, angles=()):
     Raises
     ------
     ValueError
-        As for `convex_combination`.
+        As for `convex_combination`, and where the tracks' predictions are so sure that less than nothing would be left.
     """
     after, before = _named("xs", xs, "Ps", Ps), _named("x_priors", x_priors, "P_priors", P_priors)
     N = len(after[0])
@@ -195,6 +195,10 @@ def information_fusion(x_prior, P_prior, xs, Ps, x_priors, P_priors, angles=()):
         information = information + weights[i] - weights[N + i]
         state = state + states[i] - states[N + i]
     P = inverse(information)
+    if not all_finite(P):
+        raise ValueError(
+            "P_priors: expected predictions no surer than what became of them, Ps, got ones of which more information is taken away than there is"
+        )
     return wrap_rows(matvec(P, state), angles), symmetrised(P)
 
 
@@ -220,8 +224,8 @@ def cross_covariance(P12, F, Q, K1, H1, K2, H2):
     ValueError
         Shapes that do not fit, or numbers that are not finite.
     """
-    P12 = check_matrix(P12, "P12", (None, len(np.atleast_1d(P12))))
-    n = len(P12)
+    n = len(check_array(P12, "P12", None))
+    P12 = check_matrix(P12, "P12", (n, n))
     F, Q = check_matrix(F, "F", (n, n)), check_covariance(Q, "Q", n)
     kept = []
     for name, K, H in (("1", K1, H1), ("2", K2, H2)):
@@ -232,10 +236,16 @@ def cross_covariance(P12, F, Q, K1, H1, K2, H2):
 
 def _named(x_name, xs, P_name, Ps):
     """Lists of estimates and covariances, as many of the one as of the other, and their names in messages."""
-    xs, Ps = list(xs), list(Ps)
+    xs, Ps = _listed(xs, x_name), _listed(Ps, P_name)
     if len(Ps) != len(xs):
         raise ValueError(f"{P_name}: expected {len(xs)} covariances, one a track, got {len(Ps)}")
     return xs, Ps, [f"{x_name}[{i}]" for i in range(len(xs))], [f"{P_name}[{i}]" for i in range(len(xs))]
+
+
+def _listed(values, name):
+    if not isinstance(values, (list, tuple, np.ndarray)):
+        raise ValueError(f"{name}: expected a sequence, one a track, got {values!r}")
+    return list(values)
 
 
 def _estimates(xs, names, angles):

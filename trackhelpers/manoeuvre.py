@@ -4,21 +4,18 @@ import numpy as np
 from scipy import stats
 from scipy.optimize import brentq
 
-from trackhelpers.arrays import check_array, check_dt, check_scale, congruence, inverse, matmul, matvec
-
-
-def check_probability(value, name):
-    """`value` as a float; ValueError unless it lies between 0 and 1."""
-    if not (np.isscalar(value) and np.isreal(value) and 0 < value < 1):
-        raise ValueError(f"{name}: expected a probability between 0 and 1, got {value!r}")
-    return float(value)
-
-
-def check_window(value, name="window", least=1):
-    """`value` as an int; ValueError unless it is a whole number ≥ `least`."""
-    if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or value < least:
-        raise ValueError(f"{name}: expected a whole number ≥ {least}, got {value!r}")
-    return int(value)
+from trackhelpers.arrays import check_array, congruence, inverse, matmul, matvec
+from trackhelpers.checks import check_numbers, check_together
+from trackhelpers.checks import check_probability as check_probability
+from trackhelpers.manoeuvre_checks import check_forgetting as check_forgetting
+from trackhelpers.manoeuvre_checks import check_inflation as check_inflation
+from trackhelpers.manoeuvre_checks import check_innovations, check_spread
+from trackhelpers.manoeuvre_checks import check_input as check_input
+from trackhelpers.manoeuvre_checks import check_pair as check_pair
+from trackhelpers.manoeuvre_checks import check_step as check_step
+from trackhelpers.manoeuvre_checks import check_switching as check_switching
+from trackhelpers.manoeuvre_checks import check_window as check_window
+from trackhelpers.model import check_model
 
 
 def fading_limit(dim, window, probability):
@@ -66,7 +63,8 @@ def fading_limit(dim, window, probability):
 
 
 def fading_sum(total, nis, window):
-    """The sum of `fading_limit` after another NIS, both of shape (...)."""
+    """The sum of `fading_limit` after another NIS, both of shape (...). ValueError for shapes that do not fit, a window < 1."""
+    window, (total, nis) = check_window(window), check_together(total=total, nis=nis)
     return (1 - 1 / window) * total + nis
 
 
@@ -84,68 +82,10 @@ class OneAPrediction:
             raise RuntimeError("update: expected one measurement after each predict(); stack what is measured at one instant into one z")
 
 
-def check_forgetting(value, name="rho"):
-    """`value` as a float; ValueError unless 0 < value ≤ 1."""
-    number = check_scale(value, name)
-    if not 0 < number <= 1:
-        raise ValueError(f"{name}: expected a forgetting factor in (0, 1], got {value!r}")
-    return number
-
-
-def check_inflation(value):
-    """`value` as a float; ValueError unless it is a finite number ≥ 1."""
-    number = check_scale(value, "inflation")
-    if number < 1:
-        raise ValueError(f"inflation: expected a factor ≥ 1, got {value!r}")
-    return number
-
-
-def check_step(dt):
-    """`dt` as a float, s; ValueError unless it is a finite number > 0."""
-    dt = check_dt(dt)
-    if dt == 0:
-        raise ValueError("dt: expected a step > 0 s, got 0")
-    return dt
-
-
-def check_pair(quiet, manoeuvring):
-    """ValueError unless `quiet` is a Cartesian model such as CV and `manoeuvring` one with the same axes and accelerations, such as CA."""
-    wanted = tuple(name for name in manoeuvring.state if not name.startswith("a"))
-    if not (quiet.linear and manoeuvring.linear) or quiet.state != wanted or len(manoeuvring.state) * 2 != len(quiet.state) * 3:
-        raise ValueError(
-            f"quiet, manoeuvring: expected linear models with states such as (x, vx) and (x, vx, ax), got {quiet.state} and {manoeuvring.state}"
-        )
-
-
-def check_switching(stay, mu):
-    """The transition matrix, [i, j] from model i to model j, and the first probabilities (2,); ValueError unless all lie strictly between 0 and 1."""
-    stay, mu = check_array(stay, "stay", 2, ()), check_array(mu, "mu", 2, ())
-    for name, value in (("stay", stay), ("mu", mu)):
-        if np.any((value <= 0) | (value >= 1)):
-            raise ValueError(f"{name}: expected two probabilities between 0 and 1, got {value}")
-    if abs(mu.sum() - 1) > 1e-9:
-        raise ValueError(f"mu: expected probabilities that sum to 1, got {mu}")
-    return np.array([[stay[0], 1 - stay[0]], [1 - stay[1], stay[1]]]), mu
-
-
-def check_input(F, G, H, window):
-    """G (n, q) and `window`; ValueError unless the measurements of so many steps can tell every constant input from none."""
-    n, m = len(F), len(H)
-    G = np.asarray(G, dtype=float)
-    if G.ndim != 2 or G.shape[0] != n or G.shape[1] == 0 or not np.all(np.isfinite(G)):
-        raise ValueError(f"G: expected finite numbers of shape ({n}, q), one column an input, got shape {G.shape}")
-    window, moved, seen = check_window(window), np.zeros_like(G), []
-    for _ in range(window):
-        moved = F @ moved + G
-        seen.append(H @ moved)
-    if np.linalg.matrix_rank(np.concatenate(seen)) < G.shape[1]:
-        raise ValueError(f"window: expected enough steps to see {G.shape[1]} inputs in {m} measured components, got {window}")
-    return G, window
-
-
 def position_rows(model):
     """H (axes, n) that sees the positions of a Cartesian model, axis after axis."""
-    return np.eye(model.n)[[i for i, name in enumerate(model.state) if name in ("x", "y", "z")]]
+    state = check_model(model).state
+    return np.eye(model.n)[[i for i, name in enumerate(state) if name in ("x", "y", "z")]]
 
 
 def with_runs(A, like):
@@ -175,7 +115,13 @@ def constant_input(y, S, K, steps, F, G, H):
         b at the window's end: what one unit of input has moved the state by, unseen by the filter.
     significance : numpy.ndarray, shape (...)
         uᵀ covariance⁻¹ u, chi-square with q degrees of freedom when there is no input.
+
+    Raises
+    ------
+    ValueError
+        Sequences of different length, shapes that do not fit, what is no number.
     """
+    y, S, K, steps, F, G, H = check_innovations(y, S, K, steps, F, G, H)
     b = np.zeros((*G.shape, *S[0].shape[2:]))
     ahead = with_runs(G, b)
     information, weighted = 0.0, 0.0
@@ -215,10 +161,20 @@ def manoeuvre_start(x, P, z, R, dt):
     -------
     x (3k, ...), P (3k, 3k, ...) : numpy.ndarray
         Position, velocity and acceleration, axis after axis.
+
+    Raises
+    ------
+    ValueError
+        Shapes that do not fit, what is no number, for one target a P or an R that is no covariance, times that are not > 0.
     """
-    dt = np.asarray(dt, dtype=float)
-    if not np.all(dt > 0):
+    dt = check_numbers(dt, "dt")
+    if not np.all((dt > 0) & (dt < np.inf)):
         raise ValueError(f"dt: expected times > 0 s, got {dt}")
+    z = check_array(z, "z", None)
+    x, n = check_array(x, "x", 2 * len(z), z.shape[1:]), 2 * len(z)
+    if dt.shape not in ((), z.shape[1:]):
+        raise ValueError(f"dt: expected one time, or one a run, shape {z.shape[1:]}, got {dt.shape}")
+    P, R = check_spread(P, "P", n), check_spread(R, "R", len(z))
     B, A = np.zeros((3 * len(z), 2 * len(z), *dt.shape)), np.zeros((3 * len(z), len(z), *dt.shape))
     for axis in range(len(z)):
         p, v, a = range(3 * axis, 3 * axis + 3)

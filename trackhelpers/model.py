@@ -7,6 +7,13 @@ from trackhelpers.arrays import check_array, check_covariance, check_dt, check_s
 from trackhelpers.hooks import central_differences, dense, entries_of, evaluate, filled, refuse_overrides
 
 
+def check_model(model, name="model"):
+    """`model`; ValueError unless it is a `Model`."""
+    if not isinstance(model, Model):
+        raise ValueError(f"{name}: expected a model of trackhelpers, got {model!r}")
+    return model
+
+
 class Model:
     """A model x(t + dt) = f(x, dt) + w, w of the covariance Q.
 
@@ -137,8 +144,8 @@ class Model:
         return filled(f, self.n, x, "_f"), transition, noise
 
     def normalise(self, x):
-        """A copy of the state x (n, ...) with its angles in [−π, π) and its components within their bounds."""
-        return self._normalise(np.array(x, dtype=float))
+        """A copy of the state x (n, ...) with its angles in [−π, π) and its components within their bounds. Errors as for `f`."""
+        return self._normalise(np.array(check_array(x, "x", self.n)))
 
     def _normalise(self, x):
         """`normalise` in place."""

@@ -12,6 +12,7 @@ from matplotlib.patches import Ellipse
 from scipy.stats import chi2
 
 from .arrays import check_array, check_covariance
+from .checks import check_choice, check_lengths, check_number, check_positive, check_probability
 
 __all__ = [
     "COLOURS",
@@ -65,7 +66,8 @@ def use_style():
 
 
 def truth(ax, x, y, label="truth", **keywords):
-    """Draw the truth, a black line; return it."""
+    """Draw the truth, a black line, x and y (N,), NaN where it is broken; return it. ValueError, as from all of these, for what is no number and shapes that differ."""
+    x, y = check_lengths(x=x, y=y)
     return ax.plot(x, y, **{"color": COLOURS["truth"], "linewidth": 1.2, "label": label, "zorder": 2.5} | keywords)[0]
 
 
@@ -77,8 +79,9 @@ def measured(ax, x, y, sensor=None, label=None, **keywords):
     ValueError
         For a sensor that has no mark; `MARKS` lists them.
     """
-    if sensor not in MARKS:
-        raise ValueError(f"sensor is {sensor!r}, expected one of {list(MARKS)}")
+    if sensor is not None:
+        check_choice(sensor, "sensor", [name for name in MARKS if name])
+    x, y = check_lengths(x=x, y=y)
     label = label if label is not None else sensor or "measured"
     style = {"color": COLOURS["measured"], "linestyle": "none", "marker": MARKS[sensor], "markersize": 4, "label": label, "zorder": 2}
     return ax.plot(x, y, **style | keywords)[0]
@@ -86,12 +89,16 @@ def measured(ax, x, y, sensor=None, label=None, **keywords):
 
 def estimate(ax, x, y, label="estimate", method=0, **keywords):
     """Draw an estimate, a strong line in the colour of its method: 0 blue, 1 orange, 2 green, 3 purple, 4 vermillion; return it."""
+    x, y = check_lengths(x=x, y=y)
     return ax.plot(x, y, **{"color": _colour(method), "linewidth": 1.8, "label": label, "zorder": 3} | keywords)[0]
 
 
 def band(ax, t, low, high, label=None, method=None, **keywords):
     """Shade what lies between `low` and `high`, arrays like `t` or numbers, in light blue or the colour of a method; return the patch."""
     colour = COLOURS["band"] if method is None else _colour(method)
+    t, low, high = check_lengths(("low", "high"), t=t, low=low, high=high)
+    if t.ndim != 1:
+        raise ValueError(f"t: expected times (N,), got shape {t.shape}")
     return ax.fill_between(t, low, high, **{"color": colour, "alpha": 0.25, "linewidth": 0, "label": label, "zorder": 1} | keywords)
 
 
@@ -119,8 +126,7 @@ def covariance_ellipse(ax, mean, P, probability=0.95, method=0, label=None, **ke
         outside (0, 1).
     """
     mean, P = check_array(mean, "mean", 2, ()), check_covariance(P, "P", 2)
-    if not 0 < probability < 1:
-        raise ValueError(f"probability is {probability!r}, expected a number between 0 and 1")
+    probability = check_probability(probability, "probability")
     variances, axes = np.linalg.eigh(P)
     minor, major = 2 * np.sqrt(chi2.ppf(probability, 2) * variances.clip(0))
     angle = np.degrees(np.arctan2(axes[1, 1], axes[0, 1]))
@@ -145,10 +151,13 @@ def nees_plot(ax, t, average, limits, expected=None, label="average NEES", metho
     -------
     matplotlib.lines.Line2D
     """
-    low, high = limits
+    if not isinstance(limits, (list, tuple, np.ndarray)) or len(limits) != 2:
+        raise ValueError(f"limits: expected (low, high), got {limits!r}")
+    t, low, high = check_lengths(("limits[0]", "limits[1]"), t=t, **{"limits[0]": limits[0], "limits[1]": limits[1]})
+    average = check_lengths(t=t, average=average)[1]
     band(ax, t, low, high, label="chi-square band")
     if expected is not None:
-        ax.axhline(expected, color=COLOURS["truth"], linestyle="--", linewidth=0.9, zorder=1.5)
+        ax.axhline(check_number(expected, "expected"), color=COLOURS["truth"], linestyle="--", linewidth=0.9, zorder=1.5)
     return estimate(ax, t, average, label=label, method=method, **{"linewidth": 1.2} | keywords)
 
 
@@ -174,6 +183,11 @@ def flow(ax, boxes, arrows, fontsize=9.0):
     ValueError
         For an arrow that names a box which is not there.
     """
+    if not isinstance(boxes, dict) or not boxes:
+        raise ValueError(f"boxes: expected a dict of name -> (x, y, text), got {boxes!r}")
+    if not hasattr(arrows, "__iter__"):
+        raise ValueError(f"arrows: expected a sequence of (from, to), got {arrows!r}")
+    fontsize = check_positive(fontsize, "fontsize")
     style = {"boxstyle": "round,pad=0.5", "facecolor": "#EAF4FB", "edgecolor": COLOURS["blue"], "linewidth": 1.2}
     drawn = {
         name: ax.text(x, y, text, ha="center", va="center", fontsize=fontsize, bbox=style, zorder=3) for name, (x, y, text) in boxes.items()
@@ -229,6 +243,6 @@ def show(fig, number, caption):
 
 
 def _colour(method):
-    if isinstance(method, bool) or method not in range(len(METHODS)):
+    if isinstance(method, (bool, np.timedelta64)) or not isinstance(method, (int, np.integer)) or not 0 <= method < len(METHODS):
         raise ValueError(f"method is {method!r}, expected an int from 0 to {len(METHODS) - 1}")
     return COLOURS[METHODS[method]]

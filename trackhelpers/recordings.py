@@ -5,6 +5,8 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from .checks import check_choice, check_numbers
+
 __all__ = ["AIRCRAFT", "FOOT", "KNOT", "aircraft", "harbour", "heading_of", "licence", "yacht"]
 
 KNOT, FOOT = 1852 / 3600, 0.3048  # m/s, m
@@ -37,8 +39,7 @@ def aircraft(name):
     ValueError
         For another name.
     """
-    if name not in AIRCRAFT:
-        raise ValueError(f"name is {name!r}, expected one of {list(AIRCRAFT)}")
+    check_choice(name, "name", AIRCRAFT)
     raw, frame = _read(AIRCRAFT[name])
     frame.insert(3, "altitude", raw["altitude_ft"] * FOOT)
     if "roll_deg" in raw:
@@ -64,12 +65,13 @@ def harbour():
 
 
 def heading_of(course):
-    """Return the direction of motion, rad, anticlockwise from east, of a course in degrees, clockwise from north."""
-    return np.radians(90.0 - np.asarray(course, dtype=float))
+    """Return the direction of motion, rad, anticlockwise from east, of a course in degrees, clockwise from north. ValueError for what is no number."""
+    return np.radians(90.0 - check_numbers(course, "course"))
 
 
 def licence(file):
-    """Return the head of a shipped file, a list of lines: what it is, source and licence, how it was cut."""
+    """Return the head of a shipped file, a list of lines: what it is, source and licence, how it was cut. ValueError for a file that there is not."""
+    check_choice(file, "file", sorted(path.name for path in _FOLDER.glob("*.csv")))
     with open(_FOLDER / file, encoding="utf-8") as lines:
         return [line[2:].rstrip() for line in lines if line.startswith("# ")]
 

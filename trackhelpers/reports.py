@@ -4,6 +4,7 @@ import numpy as np
 import pandas as pd
 
 from .charts import ecef
+from .checks import check_positive
 
 __all__ = ["CHOICES", "clean"]
 
@@ -53,13 +54,17 @@ def clean(reports, fastest, **choices):
     ValueError
         For a fault that is to be refused, with its row; for a fault or a choice that does not exist, columns that are missing, and more than ten jumps in a row.
     """
+    if not isinstance(reports, pd.DataFrame):
+        raise ValueError(f"reports: expected a DataFrame with the columns t, lat and lon, got {reports!r}")
     missing = {"t", "lat", "lon"} - set(reports.columns)
     if missing:
         raise ValueError(f"reports: expected the columns t, lat and lon, got {list(reports.columns)}")
-    if not 0 < fastest < np.inf:
-        raise ValueError(f"fastest: expected a positive speed in m/s, got {fastest!r}")
+    for column in ("t", "lat", "lon", "speed", "course"):
+        if column in reports and reports[column].dtype.kind not in "iuf":
+            raise ValueError(f"reports: expected numbers in the column {column}, got {reports[column].dtype}")
+    fastest = check_positive(fastest, "fastest", "a positive speed in m/s")
     for fault, choice in choices.items():
-        if choice not in CHOICES.get(fault, ()):
+        if not isinstance(choice, str) or choice not in CHOICES.get(fault, ()):
             raise ValueError(f"{fault}={choice!r}: expected a fault out of {list(CHOICES)} with {CHOICES.get(fault, 'one of its choices')}")
     frame, found = reports.copy(), []
     for fault, allowed in CHOICES.items():

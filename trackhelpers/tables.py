@@ -3,11 +3,13 @@
 import itertools
 import math
 import re
-from decimal import Decimal
+from decimal import Decimal, InvalidOperation
 from html import escape
 
 import numpy as np
 import pandas as pd
+
+from .checks import check_count, check_number, check_numbers
 
 __all__ = ["Table", "as_printed", "error_table", "matrix", "number", "residual_text", "side_by_side"]
 
@@ -16,8 +18,9 @@ def number(value, digits=4, trim=False):
     """Return a number as text with `digits` significant digits.
 
     Integers, strings and truth values keep their own form; a missing value is a dash, and minus zero is zero. Numbers below 1e-4 and
-    from 1e6 on are written with an exponent. `trim` takes trailing zeros off the decimals.
+    from 1e6 on are written with an exponent. `trim` takes trailing zeros off the decimals. ValueError for `digits` that are no whole number ≥ 1, and what is no number.
     """
+    digits = digits if type(digits) is int and 0 < digits < 100 else check_count(digits, "digits")
     if isinstance(value, str):
         return value
     if value is None or value is pd.NA or value != value:
@@ -26,7 +29,7 @@ def number(value, digits=4, trim=False):
         return "yes" if value else "no"
     if isinstance(value, (int, np.integer)):
         return str(int(value))
-    value = float(value)
+    value = value if type(value) is float else float(check_numbers(value, "value", "a number"))
     if math.isinf(value):
         return "∞" if value > 0 else "−∞"
     if value == 0.0:
@@ -42,13 +45,21 @@ def number(value, digits=4, trim=False):
 
 
 def residual_text(value):
-    """Return a difference that ought to vanish as text: two digits, or "< 1e-9" where only rounding is left, whose digits differ from one processor to the next."""
+    """Return a difference that ought to vanish as text: two digits, or "< 1e-9" where only rounding is left, whose digits differ from one processor to the next.
+
+    ValueError for what is no finite number.
+    """
+    check_number(value, "value")
     return "< 1e-9" if abs(value) < 1e-9 else number(value, 2)
 
 
 def as_printed(value, text):
-    """Return `value` written in the manner of the printed number `text`: with its decimals, and its exponent if it has one."""
-    decimals = -Decimal(re.split("[eE]", text.strip())[0].replace("−", "-")).as_tuple().exponent
+    """Return `value` written in the manner of the printed number `text`: with its decimals, and its exponent if it has one. ValueError unless both are numbers."""
+    value = check_number(value, "value")
+    try:
+        decimals = -Decimal(re.split("[eE]", text.strip())[0].replace("−", "-")).as_tuple().exponent
+    except (AttributeError, InvalidOperation, TypeError):
+        raise ValueError(f"text: expected a number as it was printed, for example '5.27E+00', got {text!r}") from None
     if "e" in text.lower():
         return _without_minus_zero(f"{value:.{decimals}E}")
     return _without_minus_zero(f"{value:.{decimals}f}")
@@ -107,8 +118,7 @@ class Table:
         unknown = [name for name in formats if name not in self.frame.columns]
         if unknown:
             raise ValueError(f"formats names {unknown}, expected some of the columns {list(self.frame.columns)}")
-        if not isinstance(digits, (int, np.integer)) or digits < 1:
-            raise ValueError(f"digits is {digits!r}, expected a positive int")
+        digits = check_count(digits, "digits")
         forms = [formats.get(name, int(digits)) for name in self.frame.columns]
         columns = [[_cell(value, form) for value in self.frame.iloc[:, j]] for j, form in enumerate(forms)]
         rows = list(zip(*columns, strict=True)) if columns else []
@@ -156,17 +166,19 @@ def error_table(errors, names=None):
         For errors that are empty, not finite or of a wrong shape, and for names that are repeated, unknown or of a wrong number.
     """
     if names is not None:
+        if not isinstance(names, (list, tuple, pd.Index, np.ndarray)):
+            raise ValueError(f"names is {names!r}, expected a sequence of names")
         names = list(names)
         if len(set(names)) != len(names):
             raise ValueError(f"names is {names}, expected no name twice")
     if isinstance(errors, (dict, pd.DataFrame)):
         unknown = [name for name in names or [] if name not in errors]
         if unknown:
-            raise ValueError(f"names has {unknown}, expected some of {list(errors)}")
+            raise ValueError(f"names has {unknown}, expected some of those of errors, {list(errors)}")
         names = list(errors) if names is None else names
         components = [_finite(errors[name], f"errors[{name!r}]", 1) for name in names]
     else:
-        components = _finite(np.atleast_2d(errors), "errors", 2)
+        components = _finite(np.atleast_2d(check_numbers(errors, "errors")), "errors", 2)
         names = list(range(len(components))) if names is None else names
         if len(names) != len(components):
             raise ValueError(f"names is {names}, expected one for each of the {len(components)} components of errors")
@@ -202,6 +214,9 @@ def side_by_side(paper, ours, low=None, high=None, caption="", digits=None):
     """
     if (low is None) != (high is None):
         raise ValueError("low and high: expected both or neither")
+    for name, part in (("paper", paper), ("ours", ours), ("low", low), ("high", high)):
+        if not isinstance(part, pd.DataFrame) and not (part is None and name in ("low", "high")):
+            raise ValueError(f"{name} is {part!r}, expected a DataFrame")
     ours_parts = {name: part for name, part in (("ours", ours), ("low", low), ("high", high)) if part is not None}
     for axis in (0, 1):
         labels = paper.axes[axis]
@@ -244,7 +259,7 @@ def matrix(M, names=None, digits=4, rows=None, columns=None, caption=""):
     ValueError
         When `M` has another shape, is empty or not finite, or a list of names does not fit it.
     """
-    M = np.asarray(M, dtype=float)
+    M, digits = check_numbers(M, "M"), check_count(digits, "digits")
     vector = M.ndim == 1
     M = _finite(M[:, None] if vector else M, "M", 2)
     rows = names if rows is None else rows
@@ -258,7 +273,7 @@ def matrix(M, names=None, digits=4, rows=None, columns=None, caption=""):
 
 
 def _finite(values, name, ndim):
-    values = np.asarray(values, dtype=float)
+    values = check_numbers(values, name)
     if values.ndim != ndim or values.size == 0:
         raise ValueError(f"{name} has the shape {values.shape}, expected {ndim} axes and at least one entry")
     if not np.isfinite(values).all():

@@ -9,6 +9,7 @@ import pytest
 import requests
 
 from trackhelpers import datasets
+from trackhelpers.suite import NOTEBOOKS, missing_data
 
 NAME = datasets.LIDAR_RADAR_LOG
 LINES = (
@@ -29,9 +30,9 @@ def elsewhere(monkeypatch, tmp_path):
     monkeypatch.delenv("TRACKHELPERS_DATA", raising=False)
     monkeypatch.setattr(pooch, "os_cache", lambda project: tmp_path / "cache" / project)
     monkeypatch.setattr(requests, "get", refuse)
-    datasets._available.cache_clear()
+    datasets._why_not.cache_clear()
     yield asked
-    datasets._available.cache_clear()
+    datasets._why_not.cache_clear()
 
 
 @pytest.fixture
@@ -96,8 +97,8 @@ def test_log_lines_become_rows(small_log):
 
 
 def test_the_public_log_alternates_and_measures_its_own_truth():
-    if not datasets.available(NAME):
-        pytest.skip(f"{NAME} is neither here nor to be downloaded")
+    if (reason := datasets.why_not(NAME)) is not None:
+        pytest.skip(f"{NAME}: {reason}")
     log = datasets.lidar_radar_log()
     lidar, radar = log[log.sensor == "L"], log[log.sensor == "R"]
     distance = np.hypot(radar.x, radar.y)
@@ -113,3 +114,13 @@ def test_the_public_log_alternates_and_measures_its_own_truth():
         (radar.z3, (radar.x * radar.vx + radar.y * radar.vy) / distance, 0.3),
     ):
         assert np.std(measured - true) == pytest.approx(sigma, rel=0.18)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"), [(lambda b: b.replace(b"\n", b"\r\n"), "CRLF"), (lambda b: b.replace(b"1.5", b"1.6"), "has sha256")]
+)
+def test_a_file_that_was_changed_says_so(small_log, monkeypatch, tmp_path, change, words):
+    (tmp_path / NAME).write_bytes(change(LINES.encode()))
+    reason = missing_data(NOTEBOOKS / "1_thesis" / "4_3_public_log.ipynb")
+    assert words in reason and str(tmp_path / NAME) in reason and NAME in reason
+    assert ("CRLF" in reason) == (words == "CRLF")

@@ -25,8 +25,8 @@ AS_PROGRAMMED = {"filter": ProgramEKF, "model": PrintedCTRV(2.0, 0.3, errors=["3
 @pytest.fixture(scope="module")
 def log():
     """The measurements of the public log, one list; where it cannot be had the test that needs it is skipped by the name of the file."""
-    if not datasets.available(datasets.LIDAR_RADAR_LOG):
-        pytest.skip(f"{datasets.LIDAR_RADAR_LOG} is neither here nor to be downloaded")
+    if (reason := datasets.why_not(datasets.LIDAR_RADAR_LOG)) is not None:
+        pytest.skip(f"{datasets.LIDAR_RADAR_LOG}: {reason}")
     frame = datasets.lidar_radar_log()
     return [z[np.isfinite(z)] for z in frame[["z1", "z2", "z3"]].to_numpy()]
 

@@ -1,12 +1,21 @@
 """Notebooks are run strictly and stored so that nothing moves that did not change."""
 
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+
 import nbformat
+import psutil
 import pytest
 
 from trackhelpers import datasets
-from trackhelpers.suite import NEEDS
+from trackhelpers.suite import NEEDS, ROOT
 from trackhelpers.suite.run import NotebookError, run
 
+SLACK = 3  # a machine under load may take as many times as long
 FIGURE = "import matplotlib.pyplot as plt\nfig, ax = plt.subplots(figsize=(1, 1))\nax.set_title({title!r})\nplt.show()"
 
 
@@ -84,10 +93,57 @@ def test_the_map_runs_after_the_ledgers_are_written(store, tmp_path):
 
 
 def test_a_notebook_without_its_data_is_named_and_keeps_its_outputs(store, monkeypatch, capsys):
-    monkeypatch.setattr(datasets, "available", lambda name: False)
+    monkeypatch.setattr(datasets, "why_not", lambda name: "not to be had")
     name = next(iter(NEEDS))
     path = store(name, "1 / 0")
     before = nbformat.read(path, as_version=4)
     run([path], lambda p: p, folder=path.parents[1])
     assert nbformat.read(path, as_version=4) == before
     assert path.name in capsys.readouterr().out
+
+
+def test_settings_of_matplotlib_beside_a_notebook_change_nothing(store):
+    code = "import matplotlib as mpl\nmpl.rcParams['lines.linewidth'], mpl.get_backend()"
+    path = store("1_one/1_first.ipynb", code)
+    in_place(path)
+    before = path.read_bytes()
+    (path.parent / "matplotlibrc").write_text("lines.linewidth: 17\nno_such_setting: 1\n")
+    in_place(path)
+    assert path.read_bytes() == before
+
+
+INTERRUPTED = """
+import sys
+from pathlib import Path
+from trackhelpers.suite import __main__ as main
+from trackhelpers.suite.run import run
+
+main.check_checkout = lambda here: None
+main.records.write = lambda: run([Path(sys.argv[1])], lambda p: p, folder=Path(sys.argv[1]).parents[1])
+sys.exit(main.main(["readme"]))
+"""
+
+
+@pytest.mark.parametrize(
+    "code", ["import time\nopen('begun', 'w').close()\ntime.sleep(600)", "open('begun', 'w').close()\nwhile True: pass"]
+)
+def test_ctrl_c_ends_a_run_in_one_line_within_two_seconds(store, tmp_path, code):
+    path = store("1_one/1_first.ipynb", code)
+    before = path.read_bytes()
+    (tmp_path / "script.py").write_text(INTERRUPTED)
+    process = subprocess.Popen(
+        [sys.executable, tmp_path / "script.py", path], stderr=subprocess.PIPE, text=True, env=os.environ | {"PYTHONPATH": str(ROOT)}
+    )
+    while not (path.parent / "begun").exists():
+        assert process.poll() is None
+        time.sleep(0.05)
+    kernels = psutil.Process(process.pid).children(recursive=True)
+    start = time.monotonic()
+    process.send_signal(signal.SIGINT)
+    _, told = process.communicate(timeout=60)
+    assert time.monotonic() - start < 2 * SLACK
+    assert process.returncode == 130, told
+    lines = [line for line in re.split("[\r\n]+", told) if line.strip() and not line.startswith("Notebooks:")]
+    assert len(lines) == 1 and lines[0].startswith("Interrupted"), told
+    assert path.read_bytes() == before
+    assert not psutil.wait_procs(kernels, timeout=10)[1]

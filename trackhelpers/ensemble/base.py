@@ -3,8 +3,11 @@
 import numpy as np
 
 from trackhelpers.arrays import all_finite, check_array, check_covariance, matvec
+from trackhelpers.checks import check_mask
 from trackhelpers.consistency import nees
+from trackhelpers.filters.base import atomic
 from trackhelpers.filters.on_model import check_fit
+from trackhelpers.model import check_model
 
 QUIET = {"over": "ignore", "invalid": "ignore", "divide": "ignore"}  # what a diverging run does, and only there
 
@@ -13,6 +16,7 @@ class Ensemble:
     """Arguments, masks and the bookkeeping that the ensemble filters share."""
 
     def __init__(self, model, x0, P0):
+        check_model(model)
         x0 = check_array(x0, "x0", None)
         if x0.ndim != 2 or x0.shape[0] != model.n or x0.shape[1] == 0:
             raise ValueError(f"x0: expected shape ({model.n}, M), runs on the last axis, got {x0.shape}")
@@ -69,15 +73,12 @@ class Ensemble:
         if z.shape[1] != self.runs:
             z = np.broadcast_to(z, (sensor.m, self.runs))
         if mask is not None:
-            mask = np.asarray(mask)
-            if mask.dtype != bool or mask.shape != (self.runs,):
-                raise ValueError(f"mask: expected booleans of shape ({self.runs},), got {mask.dtype} of shape {mask.shape}")
-            if mask.all():
-                mask = None
+            mask = None if mask.all() else mask
         if not all_finite(z if mask is None else z[:, mask]):
             raise ValueError("z: expected finite measurements; name the runs without one by mask")
         return z, mask, sensor.R if R is None else check_covariance(R, "R", sensor.m, runs=self.runs)
 
+    @atomic
     def update(self, z, sensor=None, mask=None, R=None):
         """Correct the runs that have a measurement.
 
@@ -97,7 +98,8 @@ class Ensemble:
         ValueError
             Shapes that do not fit, a measurement that is not finite in a run that the mask does not leave out, a sensor of another layout.
         """
-        if z is None or (mask is not None and np.shape(mask) == (self.runs,) and not np.any(mask)):
+        mask = None if mask is None else check_mask(mask, "mask", self.runs)
+        if z is None or (mask is not None and not mask.any()):
             self._no_measurement()
             return
         z, mask, R = self._measurement(z, sensor, mask, R)

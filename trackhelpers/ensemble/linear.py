@@ -7,6 +7,7 @@ from trackhelpers.ensemble import shared
 from trackhelpers.ensemble.base import QUIET, Ensemble
 from trackhelpers.ensemble.covariance import correct
 from trackhelpers.hooks import entries_of
+from trackhelpers.model import check_model
 
 
 class EnsembleKF(Ensemble):
@@ -27,7 +28,7 @@ class EnsembleKF(Ensemble):
     """
 
     def __init__(self, model, x0, P0):
-        if not model.linear:
+        if not check_model(model).linear:
             raise ValueError(f"model: expected a linear model (CV, CA), got {model!r}; use EnsembleEKF or EnsembleUKF")
         super().__init__(model, x0, P0)
         self._step = None, None, None, None  # model, dt, F and Q of the last prediction

@@ -5,6 +5,7 @@ from copy import copy
 import numpy as np
 
 from trackhelpers.arrays import all_finite, check_array, check_covariance, check_matrix, congruence, matvec
+from trackhelpers.checks import check_mask, check_numbers
 from trackhelpers.consistency import nees
 from trackhelpers.ensemble.base import QUIET
 from trackhelpers.ensemble.covariance import correct, propagate
@@ -85,7 +86,7 @@ class MatrixEnsemble:
 
     def nees(self, truth):
         """Normalised estimation error squared of `estimate` against `truth`, (n,) or (n, M): shape (M,); see `trackhelpers.consistency.nees`."""
-        return nees(truth, self.estimate, self.estimate_P)
+        return nees(check_array(truth, "truth", len(self.estimate)), self.estimate, self.estimate_P)
 
     @atomic
     def update(self, z, R=None, mask=None):
@@ -108,9 +109,7 @@ class MatrixEnsemble:
             A second measurement after one prediction, from filters whose memory counts steps.
         """
         if mask is not None:
-            mask = np.asarray(mask)
-            if mask.dtype != bool or mask.shape != (self.runs,):
-                raise ValueError(f"mask: expected booleans of shape ({self.runs},), got {mask.dtype} of shape {mask.shape}")
+            mask = check_mask(mask, "mask", self.runs)
             mask = None if mask.all() else mask
         if z is None or (mask is not None and not mask.any()):
             self._no_measurement()
@@ -122,8 +121,8 @@ class MatrixEnsemble:
         z = check_runs(z if mask is None else z[:, mask], "z", self.m)
         if R is None:
             R = self.R
-        elif mask is not None and np.shape(R) == (self.m, self.m, self.runs):
-            R = check_covariance(np.asarray(R)[..., mask], "R", self.m, runs=z.shape[1])
+        elif mask is not None and check_numbers(R, "R").shape == (self.m, self.m, self.runs):
+            R = check_covariance(check_numbers(R, "R")[..., mask], "R", self.m, runs=z.shape[1])
         else:
             R = check_covariance(R, "R", self.m, runs=self.runs)
         if mask is None:
@@ -185,9 +184,12 @@ class EnsembleMatrixKF(MatrixEnsemble):
     _results = ("y", "S", "K")
 
     def __init__(self, F, H, Q, R, x0, P0):
-        n, m = len(np.atleast_1d(F)), len(np.atleast_2d(H))
+        n, H = len(check_array(F, "F", None)), np.atleast_2d(check_numbers(H, "H"))
+        m = len(H)
+        if not n or not m:
+            raise ValueError(f"F, H: expected a state and a measurement of one component or more, got {n} and {m}")
         self.x = check_runs(x0, "x0", n).copy()
-        F, H = check_matrix(F, "F", (n, n)), check_matrix(np.atleast_2d(H), "H", (m, n))
+        F, H = check_matrix(F, "F", (n, n)).copy(), check_matrix(H, "H", (m, n)).copy()
         self.matrices = Matrices(F, H, check_covariance(Q, "Q", n), check_covariance(R, "R", m))
         self._start(self.x, self.matrices.R)
         self.P = np.repeat(check_covariance(P0, "P0", n)[..., None], self.runs, axis=2)

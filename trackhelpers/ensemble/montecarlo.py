@@ -1,6 +1,7 @@
 """Monte Carlo over chunks of runs: on one core, on many cores, on many machines, with the same result."""
 
 import os
+import sys
 import warnings
 from collections import deque
 from concurrent.futures import BrokenExecutor, CancelledError
@@ -13,6 +14,8 @@ from joblib import Parallel, delayed
 from joblib.parallel import get_active_backend
 from tqdm.auto import tqdm
 
+from trackhelpers.checks import check_count
+
 _FOLDS = {"sum": np.add, "min": np.minimum, "max": np.maximum}
 _REDUCERS = (*_FOLDS, "concat")
 _ON_CLUSTER = 256  # chunks that a cluster holds at a time
@@ -21,8 +24,13 @@ _ON_CLUSTER = 256  # chunks that a cluster holds at a time
 def standard_normal(rngs, shape):
     """Independent standard normal numbers, one block a run: shape ``(*shape, M)`` for M generators.
 
-    Each run draws its own block from its own generator, so its numbers do not depend on which other runs share the chunk.
+    Each run draws its own block from its own generator, so its numbers do not depend on which other runs share the chunk. ValueError for what is no list of generators or no shape.
     """
+    if not isinstance(rngs, (list, tuple)) or not all(hasattr(rng, "standard_normal") for rng in rngs):
+        raise ValueError(f"rngs: expected a list of generators, one a run, got {rngs!r}")
+    if not isinstance(shape, (list, tuple)):
+        raise ValueError(f"shape: expected a tuple of whole numbers, got {shape!r}")
+    shape = tuple(check_count(axis, "shape", 0) for axis in shape)
     block = np.empty((*shape, len(rngs)))
     for run, rng in enumerate(rngs):
         block[..., run] = rng.standard_normal(shape)
@@ -69,6 +77,8 @@ def monte_carlo(task, runs, seed, n_jobs=1, reduce=None, chunk=1000):
     An exception of the task arrives with its own type. Ctrl-C ends joblib's workers; on a cluster it takes back the chunks that have not begun.
     """
     root = _checked(task, runs, seed, n_jobs, chunk)
+    if reduce is not None and not isinstance(reduce, dict):
+        raise ValueError(f"reduce: expected a dict of name -> one of {sorted(_REDUCERS)}, got {reduce!r}")
     merge = _Merge(reduce or {})
     starts = range(0, runs, chunk)
     silent = len(starts) == 1 or os.environ.get("TQDM_DISABLE", "") not in ("", "0")
@@ -86,14 +96,13 @@ def _checked(task, runs, seed, n_jobs, chunk):
     """The root SeedSequence; ValueError for arguments out of range."""
     if not callable(task):
         raise ValueError(f"task: expected a function of a list of generators, got {task!r}")
-    for name, value in (("runs", runs), ("chunk", chunk)):
-        if not isinstance(value, (int, np.integer)) or value < 1:
-            raise ValueError(f"{name}: expected a whole number ≥ 1, got {value!r}")
-    if n_jobs is not None and (not isinstance(n_jobs, (int, np.integer)) or n_jobs == 0):
+    check_count(runs, "runs")
+    check_count(chunk, "chunk")
+    if n_jobs is not None and (isinstance(n_jobs, bool) or not isinstance(n_jobs, (int, np.integer)) or not 0 < abs(n_jobs) < sys.maxsize):
         raise ValueError(f"n_jobs: expected a whole number other than 0, or None, got {n_jobs!r}")
     if isinstance(seed, np.random.SeedSequence):
         return seed
-    if not isinstance(seed, (int, np.integer)) or seed < 0:
+    if isinstance(seed, (bool, np.timedelta64)) or not isinstance(seed, (int, np.integer)) or seed < 0:
         raise ValueError(f"seed: expected a whole number ≥ 0 or a SeedSequence, got {seed!r}")
     return np.random.SeedSequence(int(seed))
 

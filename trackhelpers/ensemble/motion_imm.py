@@ -3,7 +3,9 @@
 import numpy as np
 
 from trackhelpers import angles
+from trackhelpers.filters.base import atomic
 from trackhelpers.filters.imm import weighed
+from trackhelpers.manoeuvre_checks import check_probabilities
 
 
 class EnsembleMotionIMM:
@@ -38,13 +40,13 @@ class EnsembleMotionIMM:
     """
 
     def __init__(self, filters, mu0, transition):
-        self.filters = list(filters)
+        self.filters = list(filters) if isinstance(filters, (list, tuple)) else []
+        if not all(hasattr(ens, "model") and hasattr(ens, "runs") for ens in self.filters):
+            raise ValueError(f"filters: expected ensembles, got {filters!r}")
         if len(self.filters) < 2 or len({(ens.model.state, ens.runs) for ens in self.filters}) > 1:
             raise ValueError(f"filters: expected two or more of one state and of the same runs, got {[ens.model for ens in self.filters]}")
-        N, mu0, chain = len(self.filters), np.asarray(mu0, dtype=float), np.asarray(transition, dtype=float)
-        for name, value, shape in (("mu0", mu0, (N,)), ("transition", chain, (N, N))):
-            if value.shape != shape or np.any(value < 0) or not np.allclose(value.sum(axis=-1), 1, rtol=0, atol=1e-9):
-                raise ValueError(f"{name}: expected probabilities of shape {shape} that sum to 1, got {value.tolist()}")
+        N = len(self.filters)
+        mu0, chain = check_probabilities(mu0, "mu0", (N,)), check_probabilities(transition, "transition", (N, N))
         self.model, self.runs, self._chain = self.filters[0].model, self.filters[0].runs, chain
         self.mu = np.repeat(mu0[:, None], self.runs, axis=1)
         self.y, self.S = np.zeros((0, self.runs)), np.zeros((0, 0, self.runs))
@@ -60,6 +62,7 @@ class EnsembleMotionIMM:
         """Its covariance, shape (n, n, M)."""
         return self.P
 
+    @atomic
     def predict(self, dt):
         """Mix the filters' estimates, predict each over `dt` seconds, dt ≥ 0, and move the probabilities on by one step of the chain."""
         after = self._chain.T @ self.mu
@@ -71,6 +74,7 @@ class EnsembleMotionIMM:
         self.mu = after
         self._put()
 
+    @atomic
     def update(self, z, sensor=None, mask=None, R=None):
         """Correct each filter, and weigh the models by their likelihoods; arguments as for `Ensemble.update`. Runs without a measurement keep their probabilities."""
         for ens in self.filters:

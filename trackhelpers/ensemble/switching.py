@@ -53,7 +53,7 @@ class EnsembleVariableDimensionKF(OneAPrediction, MatrixEnsemble):
         self._rest, self._turn = (_matrices(model, self.R, dt) for model in (quiet, manoeuvring))
         self._kept = [manoeuvring.state.index(name) for name in quiet.state]
         self._accelerations = [i for i in range(manoeuvring.n) if i not in self._kept]
-        self.enter_limit = fading_limit(self.m, self.window, enter)
+        self.enter_limit = fading_limit(self.m, self.window, check_probability(enter, "enter"))
         self.leave_limit = float(stats.chi2.ppf(check_probability(leave, "leave"), self.window * len(self._accelerations)))
         self.manoeuvring, self.statistic = np.zeros(self.runs, dtype=bool), np.zeros(self.runs)
         self.estimate_P = np.repeat(check_covariance(P0, "P0", quiet.n)[..., None], self.runs, axis=2)

@@ -5,6 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from trackhelpers.arrays import check_covariance, check_matrix
+from trackhelpers.checks import check_choice, check_numbers, check_vector
 from trackhelpers.filters.matrix_filter import MatrixKF
 
 
@@ -47,9 +48,8 @@ def augmented_matrices(F, H, Q, Q_bias, reading="R1"):
     ValueError
         An unknown reading, wrong shapes, Q or Q_bias that are no covariances.
     """
-    if reading not in READINGS:
-        raise ValueError(f"reading: expected one of {list(READINGS)}, got {reading!r}")
-    F, H = np.atleast_2d(F), np.atleast_2d(H)
+    check_choice(reading, "reading", READINGS)
+    F, H = np.atleast_2d(check_numbers(F, "F")), np.atleast_2d(check_numbers(H, "H"))
     n = len(F)
     F, H = check_matrix(F, "F", (n, n)), check_matrix(H, "H", (len(H), n))
     eye, nought = np.eye(n), np.zeros((n, n))
@@ -98,7 +98,7 @@ class AugmentedBiasKF(MatrixKF):
     """
 
     def __init__(self, F, H, Q, R, Q_bias, x0, P0, reading="R1", P_bias0=None):
-        x0 = np.atleast_1d(x0)
+        x0 = check_vector(x0, "x0")
         n = len(x0)
         check_matrix(F, "F", (n, n))
         F_A, H_A, Q_A, to_estimate = augmented_matrices(F, H, Q, Q_bias, reading)

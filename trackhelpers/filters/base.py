@@ -5,6 +5,7 @@ from math import log, pi, sqrt
 
 import numpy as np
 
+from trackhelpers.checks import check_vector
 from trackhelpers.consistency import nees
 
 
@@ -89,7 +90,7 @@ class OneTarget:
 
     def nees(self, truth):
         """Normalised estimation error squared of `estimate` against `truth`, shape (n,), angles the short way round; see `trackhelpers.consistency.nees`."""
-        return nees(truth, self.estimate, self.estimate_P, self._angles)
+        return nees(check_vector(truth, "truth", len(self.estimate)), self.estimate, self.estimate_P, self._angles)
 
     def _no_measurement(self):
         self.z, self.y = None, np.zeros(0)

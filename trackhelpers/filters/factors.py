@@ -4,7 +4,7 @@ import numpy as np
 from scipy.linalg.lapack import dgeqrf, dpotrf
 
 from trackhelpers.arrays import all_finite, check_array, check_covariance
-from trackhelpers.checks import correlations, deviations
+from trackhelpers.checks import check_number, correlations, deviations
 
 
 def cholupdate(L, x, sign=1):
@@ -37,7 +37,7 @@ def cholupdate(L, x, sign=1):
     L = check_array(L, "L", n, (n,)).copy()
     if not all_finite(L):
         raise ValueError(f"L: expected finite numbers, got {L.tolist()}")
-    if sign not in (1, -1):
+    if check_number(sign, "sign", "1 or -1") not in (1, -1):
         raise ValueError(f"sign: expected 1 or -1, got {sign!r}")
     for k in range(n):
         if x[k] == 0:

@@ -1,11 +1,10 @@
 """filterpy's KalmanFilter with its matrices given at once and checked: what the filters for manoeuvring targets are built on."""
 
-from math import isfinite
-
 import numpy as np
 from filterpy.kalman import KalmanFilter
 
-from trackhelpers.arrays import check_array, check_covariance, check_matrix
+from trackhelpers.arrays import check_covariance, check_matrix
+from trackhelpers.checks import check_numbers, check_vector
 from trackhelpers.filters.base import OneTarget, atomic, inverse_of_S, refused
 
 
@@ -37,12 +36,14 @@ class MatrixKF(OneTarget, KalmanFilter):
     """
 
     def __init__(self, F, H, Q, R, x0, P0):
-        x0 = np.atleast_1d(x0)
-        n, m = len(x0), len(np.atleast_2d(H))
+        x0, H = check_vector(x0, "x0"), np.atleast_2d(check_numbers(H, "H"))
+        n, m = len(x0), len(H)
+        if not n or not m:
+            raise ValueError(f"x0, H: expected a state and a measurement of one component or more, got {n} and {m}")
         super().__init__(dim_x=n, dim_z=m)
-        self.x = check_array(x0, "x0", n, ()).copy()
+        self.x = x0.copy()
         self.P = check_covariance(P0, "P0", n)
-        self.F, self.H = check_matrix(F, "F", (n, n)), check_matrix(np.atleast_2d(H), "H", (m, n))
+        self.F, self.H = check_matrix(F, "F", (n, n)).copy(), check_matrix(H, "H", (m, n)).copy()
         self.Q, self.R = check_covariance(Q, "Q", n), check_covariance(R, "R", m)
         self.inv = inverse_of_S
         self.x_prior, self.P_prior = self.x.copy(), self.P.copy()
@@ -61,9 +62,7 @@ class MatrixKF(OneTarget, KalmanFilter):
 
     def _arguments(self, z, R):
         """z (m,) and R (m, m), checked."""
-        if not (type(z) is np.ndarray and z.dtype == float and z.shape == (self.dim_z,) and isfinite(z.dot(z))):  # at a glance, or closely
-            z = check_array(np.atleast_1d(z), "z", self.dim_z, ())
-        return z, self.R if R is None else check_covariance(R, "R", self.dim_z)
+        return check_vector(z, "z", self.dim_z), self.R if R is None else check_covariance(R, "R", self.dim_z)
 
     def _update(self, z, R):
         """What a filter does with a checked measurement: here filterpy's update."""

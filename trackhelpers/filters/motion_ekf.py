@@ -6,6 +6,7 @@ from filterpy.kalman import ExtendedKalmanFilter
 from trackhelpers.filters.base import atomic, refused, singular
 from trackhelpers.filters.on_model import REFUSED, OnModel
 from trackhelpers.manoeuvre import check_window
+from trackhelpers.model import check_model
 
 
 @refused(**REFUSED, predict_update="predict(dt), then update(z, sensor)")
@@ -38,7 +39,7 @@ class MotionEKF(OnModel, ExtendedKalmanFilter):
     """
 
     def __init__(self, model, x0, P0, iterations=1):
-        super().__init__(dim_x=model.n, dim_z=1)
+        super().__init__(dim_x=check_model(model).n, dim_z=1)
         self._start(model, x0, P0)
         self.iterations = check_window(iterations, "iterations")
 

@@ -5,9 +5,11 @@ from filterpy.kalman import IMMEstimator
 
 from trackhelpers import angles as _angles
 from trackhelpers.arrays import check_array, divide
+from trackhelpers.checks import check_names
 from trackhelpers.filters.base import OneTarget, atomic, refused
 from trackhelpers.filters.imm import weighed
 from trackhelpers.hooks import central_differences
+from trackhelpers.manoeuvre_checks import check_probabilities
 
 
 @refused(batch_filter="trackhelpers.follow.follow")
@@ -51,17 +53,19 @@ class MotionIMM(OneTarget, IMMEstimator):
     """
 
     def __init__(self, filters, mu0, transition, common=None, maps=None):
-        self.filters = list(filters)
+        self.filters = list(filters) if isinstance(filters, (list, tuple)) else []
         self.N = len(self.filters)
-        if self.N < 2:
-            raise ValueError(f"filters: expected two or more, got {self.N}")
-        self.mu = _probabilities(mu0, "mu0", (self.N,))
-        self.M = _probabilities(transition, "transition", (self.N, self.N))
+        if self.N < 2 or not all(hasattr(kf, "model") for kf in self.filters):
+            raise ValueError(f"filters: expected a sequence of two filters on models or more, got {filters!r}")
+        self.mu = check_probabilities(mu0, "mu0", (self.N,))
+        self.M = check_probabilities(transition, "transition", (self.N, self.N))
         maps = [None] * self.N if maps is None else list(maps)
         if len(maps) != self.N:
             raise ValueError(f"maps: expected {self.N}, one a filter, got {len(maps)}")
         states = [kf.model.state for kf in self.filters]
-        self.state = tuple(name for name in states[0] if all(name in state for state in states)) if common is None else tuple(common)
+        self.state = (
+            tuple(name for name in states[0] if all(name in state for state in states)) if common is None else check_names(common, "common")
+        )
         self._maps = [_Picked(kf, self.state) if pair is None else _Mapped(pair) for kf, pair in zip(self.filters, maps, strict=True)]
         named = [{kf.model.state[i] for i in kf.model.angles} & set(self.state) for kf in self.filters]
         for name in self.state:
@@ -102,7 +106,7 @@ class MotionIMM(OneTarget, IMMEstimator):
         R : array_like, shape (m, m), optional
             In the place of the sensors', this time.
         """
-        sensors = [sensor] * self.N if sensor is None or hasattr(sensor, "h") else list(sensor)
+        sensors = list(sensor) if isinstance(sensor, (list, tuple)) else [sensor] * self.N
         if len(sensors) != self.N:
             raise ValueError(f"sensor: expected one or {self.N}, one a model, got {len(sensors)}")
         for kf, own in zip(self.filters, sensors, strict=True):
@@ -181,11 +185,3 @@ class _Mapped:
         for place, value in entries.items():
             J[place] = value
         return J
-
-
-def _probabilities(value, name, shape):
-    """Probabilities that sum to one along the last axis."""
-    p = check_array(value, name, shape[0], shape[1:])
-    if not np.all(np.isfinite(p)) or np.any(p < 0) or np.any(np.abs(p.sum(axis=-1) - 1) > 1e-9):
-        raise ValueError(f"{name}: expected probabilities that sum to 1, got {p.tolist()}")
-    return p.copy()

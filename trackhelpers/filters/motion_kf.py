@@ -6,6 +6,7 @@ from filterpy.kalman import KalmanFilter
 from trackhelpers.arrays import check_dt
 from trackhelpers.filters.base import atomic, inverse_of_S, refused
 from trackhelpers.filters.on_model import REFUSED, OnModel
+from trackhelpers.model import check_model
 
 
 @refused(
@@ -42,7 +43,7 @@ class MotionKF(OnModel, KalmanFilter):
     """
 
     def __init__(self, model, x0, P0):
-        if not model.linear:
+        if not check_model(model).linear:
             raise ValueError(f"model: expected a linear model (CV, CA), got {model!r}; use MotionEKF or MotionUKF")
         super().__init__(dim_x=model.n, dim_z=1)
         self._start(model, x0, P0)

@@ -7,8 +7,10 @@ from filterpy.kalman import MerweScaledSigmaPoints, UnscentedKalmanFilter
 
 from trackhelpers import angles as _angles
 from trackhelpers.arrays import all_finite, check_dt
+from trackhelpers.checks import check_number
 from trackhelpers.filters.base import atomic, inverse_of_S, refused
 from trackhelpers.filters.on_model import REFUSED, OnModel
+from trackhelpers.model import check_model
 
 
 class SigmaPoints(MerweScaledSigmaPoints):
@@ -48,7 +50,7 @@ class MotionUKF(OnModel, UnscentedKalmanFilter):
     """
 
     def __init__(self, model, x0, P0, alpha=1.0, beta=2.0, kappa=0.0):
-        check_sigma_points(model.n, alpha, beta, kappa)
+        check_sigma_points(check_model(model).n, alpha, beta, kappa)
         super().__init__(dim_x=model.n, dim_z=1, dt=0.0, hx=None, fx=model.f, points=SigmaPoints(model.n, alpha, beta, kappa))
         self._start(model, x0, P0)
         self.inv = inverse_of_S
@@ -133,8 +135,9 @@ class MotionUKF(OnModel, UnscentedKalmanFilter):
 
 def check_sigma_points(n, alpha, beta, kappa):
     """The squared spread alpha² (n + kappa) of the sigma points; ValueError unless it is positive."""
+    alpha, beta, kappa = check_number(alpha, "alpha"), check_number(beta, "beta"), check_number(kappa, "kappa")
     spread = alpha**2 * (n + kappa)
-    if not (np.isfinite(spread) and spread > 0 and np.isfinite(beta)):
+    if not (np.isfinite(spread) and spread > 0):
         raise ValueError(f"alpha, beta, kappa: expected finite numbers with alpha²(n + kappa) > 0, got {alpha}, {beta}, {kappa}")
     return spread
 

@@ -8,9 +8,8 @@ The model and the sensor are arguments; x, P, K, y, S stay public as in filterpy
 [−π, π), components with bounds within them. A call that raises leaves the filter as it was.
 """
 
-import numpy as np
-
 from trackhelpers.arrays import check_array, check_covariance
+from trackhelpers.checks import check_vector
 from trackhelpers.consistency import nees
 from trackhelpers.filters.base import OneTarget
 
@@ -38,6 +37,7 @@ class OnModel(OneTarget):
 
         With `fold` a motion that the filter takes for one backwards counts as the same motion: see `trackhelpers.motion.base.MotionModel.fold`.
         """
+        truth = check_array(truth, "truth", self.model.n, ())
         return nees(self.model.fold(truth, near=self.x) if fold else truth, self.x, self.P, self._angles)
 
     def _measurement(self, z, sensor, R):
@@ -45,7 +45,7 @@ class OnModel(OneTarget):
         if self._known[0] is not sensor or self._known[1] is not self.model:
             check_fit(sensor, self.model)
             self._known = sensor, self.model
-        z = check_array(z if type(z) is np.ndarray and z.ndim else np.atleast_1d(z), "z", sensor.m, ())
+        z = check_vector(z, "z", sensor.m)
         return z, sensor.R if R is None else check_covariance(R, "R", sensor.m)
 
     def _normalise_posterior(self):

@@ -5,7 +5,8 @@ from math import log, pi, sqrt
 import numpy as np
 from filterpy.kalman import UnscentedKalmanFilter
 
-from trackhelpers.arrays import all_finite, check_array, check_dt, solve_lower
+from trackhelpers.arrays import all_finite, check_array, check_dt, check_scale, solve_lower
+from trackhelpers.checks import check_choice, check_count, check_vector
 from trackhelpers.filters.base import OneTarget, atomic, singular
 from trackhelpers.filters.factors import cholupdate, lower_root, triangular
 
@@ -76,6 +77,12 @@ class SquareRootUKF(OneTarget, UnscentedKalmanFilter):
         form="qr",
     ):
         check_form(form)
+        dim_x, dim_z, dt = check_count(dim_x, "dim_x"), check_count(dim_z, "dim_z"), check_dt(dt)
+        for name, value in (("hx", hx), ("fx", fx)):
+            if value is not None and not callable(value):
+                raise ValueError(f"{name}: expected a function, got {value!r}")
+        if not hasattr(points, "num_sigmas"):
+            raise ValueError(f"points: expected filterpy's MerweScaledSigmaPoints or JulierSigmaPoints, got {points!r}")
         pairs, weights = points.num_sigmas() == 2 * dim_x + 1, (points.Wm[1:], points.Wc[1:])
         if not (pairs and points.Wm[1] > 0 and all(np.allclose(w, points.Wm[1]) for w in weights)):
             raise ValueError(f"points: expected {2 * dim_x + 1} sigma points in symmetric pairs (Merwe's or Julier's), got {points!r}")
@@ -137,8 +144,8 @@ class SquareRootUKF(OneTarget, UnscentedKalmanFilter):
         if z is None:
             self._no_measurement()
             return
-        z = check_array(z if np.ndim(z) else [z], "z", self._dim_z, ())
-        R = self.R if R is None else R * np.eye(self._dim_z) if np.isscalar(R) else R
+        z = check_vector(z, "z", self._dim_z)
+        R = self.R if R is None else check_scale(R, "R") * np.eye(self._dim_z) if np.isscalar(R) else R
         hx = self.hx if hx is None else hx
         self.x = check_array(self.x, "x", self._dim_x, ())
         self.sigmas_f = self._points()
@@ -200,9 +207,7 @@ class SquareRootUKF(OneTarget, UnscentedKalmanFilter):
 
 def check_form(form):
     """`form`; ValueError unless it is one of `FORMS`."""
-    if form not in FORMS:
-        raise ValueError(f"form: expected one of {FORMS}, got {form!r}")
-    return form
+    return check_choice(form, "form", FORMS)
 
 
 def _regular(S_y):

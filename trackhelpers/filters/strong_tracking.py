@@ -3,6 +3,8 @@
 import numpy as np
 
 from trackhelpers.arrays import check_scale, congruence
+from trackhelpers.checks import check_choice, check_numbers
+from trackhelpers.filters.base import atomic
 from trackhelpers.filters.matrix_filter import AdaptiveKF
 from trackhelpers.manoeuvre import check_forgetting, with_runs
 
@@ -56,10 +58,9 @@ def axes_seen(F, H, factors="per axis"):
 
     ValueError for other `factors`, and where a component is seen by several measurements or by none, so that it belongs to no axis.
     """
-    if factors not in ("one", "per axis"):
-        raise ValueError(f"factors: expected 'one' or 'per axis', got {factors!r}")
-    if factors == "one":
+    if check_choice(factors, "factors", ("one", "per axis")) == "one":
         return None
+    F, H = check_numbers(F, "F"), check_numbers(H, "H")
     seen, row = np.zeros(H.shape, dtype=bool), H
     for _ in range(len(F)):
         seen |= row != 0
@@ -112,6 +113,7 @@ class StrongTrackingKF(AdaptiveKF):
         self.V, self._moved = None, None
         self.fading = 1.0 if self._axis is None else np.ones(self.dim_z)
 
+    @atomic
     def predict(self):
         """Predict with λ = 1."""
         moved = self.F @ self.P @ self.F.T

@@ -73,7 +73,7 @@ class VariableDimensionKF(OneAPrediction, AdaptiveKF):
         self._kept = [manoeuvring.state.index(name) for name in quiet.state]
         self._accelerations = [i for i in range(manoeuvring.n) if i not in self._kept]
         self.window = check_window(window)
-        self.enter_limit = fading_limit(self.dim_z, self.window, enter)
+        self.enter_limit = fading_limit(self.dim_z, self.window, check_probability(enter, "enter"))
         self.leave_limit = float(stats.chi2.ppf(check_probability(leave, "leave"), self.window * len(self._accelerations)))
         self.manoeuvring, self.statistic = False, 0.0
         self._past = [(self.x, self.P, None, None, 0)]  # estimates at rest, each with its measurement, R and steps

@@ -34,9 +34,9 @@ class PrintedCTRV(CTRV):
         rows = super()._f(x, dt, arc)
         if "3.8" in self.errors:
             with np.errstate(invalid="ignore", divide="ignore"):
-                rows = printed.transition_38(x, dt)
+                rows = printed.transition_38(_floats(x), dt)
         if "3.9" in self.errors:
-            rows = np.where(np.abs(x[4]) <= self.switch, printed.transition_39_straight(x, dt), np.stack(rows))
+            rows = np.where(np.abs(x[4]) <= self.switch, printed.transition_39_straight(_floats(x), dt), np.stack(rows))
         return rows
 
     def _F(self, x, dt, arc):
@@ -44,12 +44,17 @@ class PrintedCTRV(CTRV):
         straight = np.abs(x[4]) <= self.switch
         with np.errstate(invalid="ignore", divide="ignore"):
             if "3.8" in self.errors:
-                quotients = printed.jacobian_310_repaired(x, dt)
+                quotients = printed.jacobian_310_repaired(_floats(x), dt)
                 entries = {place: quotients[place] for place in entries}
             for error, places in (("3.10 columns", [(1, 2), (1, 3)]), ("3.10 factor", [(0, 4), (1, 4)])):
                 if error in self.errors:
-                    J = printed.jacobian_310(x, dt)
+                    J = printed.jacobian_310(_floats(x), dt)
                     entries |= {place: np.where(straight, entries[place], J[place]) for place in places}
         if "3.11" in self.errors:
             entries |= {place: np.where(straight, 0.0, entries[place]) for place in [(0, 4), (1, 4)]}
         return entries
+
+
+def _floats(x):
+    """The state as the printed formulas take it, where a hook has it as plain numbers."""
+    return x.astype(float) if isinstance(x, np.ndarray) else x

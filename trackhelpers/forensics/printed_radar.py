@@ -31,7 +31,7 @@ class PrintedRadar(Radar):
 
     def _h(self, x, parts):
         right = super()._h(x, parts)
-        return right if self.range_rate == "right" else [*right[:2], printed.range_rate(x)]
+        return right if self.range_rate == "right" else [*right[:2], printed.range_rate_of(*x)]
 
     def _H(self, x, parts):
         entries = super()._H(x, parts)
@@ -42,5 +42,5 @@ class PrintedRadar(Radar):
             fall = (vx + vy) / rho**3
             row = -px * fall, -py * fall, (c + s) / rho, (vx - vy) / rho
         else:
-            row = printed.range_rate_row(x, self.jacobian[-1])[:4]
+            row = printed.range_rate_row_of(*x, self.jacobian[-1])[:4]
         return entries | {(2, j): value for j, value in enumerate(row)}

@@ -1,5 +1,7 @@
 """The ledger of a notebook, as the notebook uses it."""
 
+import re
+
 import pandas as pd
 
 from ..tables import Table
@@ -38,10 +40,13 @@ class Ledger:
     Raises
     ------
     ValueError
-        For a notebook without a file of questions.
+        For names that are none, and a notebook without a file of questions.
     """
 
     def __init__(self, paper, notebook):
+        for name, text in (("paper", paper), ("notebook", notebook)):
+            if not isinstance(text, str) or not re.fullmatch(r"[a-z0-9]+(_[a-z0-9]+)*", text):
+                raise ValueError(f"{name} is {text!r}, expected lower-case words joined by single underscores")
         self.name, self.questions, self.answers = f"{paper}__{notebook}", questions_of(paper, notebook), {}
         if self.questions is None:
             raise ValueError(f"{self.name} has no file of questions, expected notebooks/questions/{self.name}.toml")
@@ -59,6 +64,8 @@ class Ledger:
         ValueError
             For an id that is not asked, is withdrawn or was answered before, and for an answer that `verdict` refuses.
         """
+        if not isinstance(answers, dict):
+            raise ValueError(f"answers is {answers!r}, expected a dict of id -> answer")
         rows = {}
         for id, answer in answers.items():
             if id not in self.questions:

@@ -1,10 +1,12 @@
 """The ledger's files: where they lie, how they are written, counted and compared."""
 
 import os
-import tempfile
 from pathlib import Path
 
 import pandas as pd
+
+from ..checks import check_scale
+from ..whole import write_whole
 
 __all__ = [
     "ANSWER_COLUMNS",
@@ -62,16 +64,7 @@ def results_folder():
 
 def write_csv(frame, path):
     """Write a frame of strings to `path` in one step, so that a reader never meets half a file."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=path.name, suffix=".part")
-    try:
-        with os.fdopen(handle, "w", encoding="utf-8", newline="") as file:
-            frame.to_csv(file, index=False, lineterminator="\n")
-        os.chmod(temporary, 0o644)  # mkstemp's files are the owner's alone
-        os.replace(temporary, path)
-    except BaseException:
-        os.unlink(temporary)
-        raise
+    write_whole(path, frame.to_csv(index=False, lineterminator="\n"))
 
 
 def read_csv(path):
@@ -83,7 +76,9 @@ def read_csv(path):
 
 
 def summary(ledger):
-    """Return the number of rows by notebook (rows) and verdict (columns, the last one ``total``) of a ledger as `read_ledger` gives it."""
+    """Return the number of rows by notebook (rows) and verdict (columns, the last one ``total``) of a ledger as `read_ledger` gives it; ValueError for another table."""
+    if not isinstance(ledger, pd.DataFrame) or not {"notebook", "verdict"} <= set(ledger.columns):
+        raise ValueError(f"ledger is {ledger!r}, expected a table as read_ledger gives it")
     counts = pd.crosstab(ledger["notebook"], ledger["verdict"])
     unknown = set(counts.columns) - set(VERDICTS)
     if unknown:
@@ -116,6 +111,7 @@ def compare(folder_a, folder_b, exclude=(), rtol=2e-5, atol=1e-9):
     exclude : collection of str
         Notebooks, written ``1_thesis/4_3_public_log``, that may be missing in either folder.
     """
+    rtol, atol = check_scale(rtol, "rtol"), check_scale(atol, "atol")
     files = [{path.name: path for path in Path(folder).glob("*__*.csv")} for folder in (folder_a, folder_b)]
     differences = []
     for name in sorted(files[0] | files[1]):

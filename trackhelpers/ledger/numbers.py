@@ -1,13 +1,13 @@
 """The numbers of the ledger: checked as they come in, kept with as many digits as their verdict needs, shown with four."""
 
-import math
 import re
 
 import numpy as np
 
+from ..checks import check_number, check_numbers
 from ..tables import number
 
-__all__ = ["FEWEST_DRAWS", "checked_draws", "enough_digits", "finite", "percentile_note", "short", "shown"]
+__all__ = ["FEWEST_DRAWS", "checked_draws", "enough_digits", "finite", "percentile_note", "read_number", "short", "shown"]
 
 FEWEST_DRAWS = 40  # below, a central 95 % interval has no run outside on either side
 SMALL_BOUND = re.compile(r"[<>]=?\s*\d(?:\.\d*)?e-(?:0?[6-9]|1\d)")  # of a rule for what ought to vanish
@@ -15,22 +15,24 @@ SMALL_BOUND = re.compile(r"[<>]=?\s*\d(?:\.\d*)?e-(?:0?[6-9]|1\d)")  # of a rule
 
 def finite(id, name, value):
     """Return `value` as a float; one that is no finite number raises ``ValueError``, which names the row."""
+    return check_number(value, f"{name} of row {id!r}", "one finite number") + 0.0  # minus zero becomes zero
+
+
+def read_number(id, name, text):
+    """Return the number that a ledger's file holds as `text`; ``ValueError``, which names the row, for what is none."""
     try:
-        number = float(value) + 0.0  # minus zero becomes zero
-    except (TypeError, ValueError):
-        number = math.nan
-    if not math.isfinite(number):
-        raise ValueError(f"{name} of row {id!r} is {value!r}, expected one finite number")
-    return number
+        return finite(id, name, float(text))
+    except ValueError:
+        raise ValueError(f"{name} of row {id!r} is {text!r}, expected one finite number") from None
 
 
-def checked_draws(id, draws):
-    """Return one value a run, (M,), as floats; fewer than 40 of them, or one that is NaN or infinite, raise ``ValueError``."""
-    draws = np.asarray(draws, dtype=float)
+def checked_draws(id, draws, name="draws"):
+    """Return one value a run, (M,), as floats; fewer than 40 of them, or one that is NaN or infinite, raise ``ValueError``, which calls them `name`."""
+    draws = check_numbers(draws, f"{name} of row {id!r}")
     if draws.ndim != 1 or draws.size < FEWEST_DRAWS:
-        raise ValueError(f"draws of row {id!r} has the shape {draws.shape}, expected ({FEWEST_DRAWS} or more,)")
+        raise ValueError(f"{name} of row {id!r} has the shape {draws.shape}, expected ({FEWEST_DRAWS} or more,)")
     if not np.isfinite(draws).all():
-        raise ValueError(f"draws of row {id!r} has {np.count_nonzero(~np.isfinite(draws))} NaN or infinite entries, expected none")
+        raise ValueError(f"{name} of row {id!r} has {np.count_nonzero(~np.isfinite(draws))} NaN or infinite entries, expected none")
     return draws
 
 

@@ -23,9 +23,9 @@ def conditions(text):
 
 
 def satisfiable(text):
-    """Return whether some number satisfies the inequality `text`, and its bounds are finite."""
-    bounds = conditions(text)
-    if not all(abs(bound) < float("inf") for _, bound in bounds):
+    """Return whether some number satisfies the inequality `text`, and its bounds are finite; not so of what is no inequality."""
+    bounds = conditions(text) if isinstance(text, str) else None
+    if not bounds or not all(abs(bound) < float("inf") for _, bound in bounds):
         return False
     (first, low), (last, high) = bounds[0], bounds[-1]
     return len(bounds) == 1 or low < high or (low == high and (first, last) == (">=", "<="))

@@ -9,7 +9,7 @@ import pandas as pd
 
 from ..intervals import mean_interval
 from .files import ANSWER_COLUMNS
-from .numbers import SMALL_BOUND, checked_draws, enough_digits, finite, percentile_note
+from .numbers import SMALL_BOUND, checked_draws, enough_digits, finite, percentile_note, read_number
 from .rules import EQUATION_TOLERANCE, agrees, conditions, holds_on
 
 __all__ = ["MARKS", "Found", "stored", "verdict"]
@@ -113,7 +113,7 @@ def _from_row(question, row):
     wanted = {"lost": [[]], "cell": [["ours"]], "equation": [["ours"]], "random cell": [["ours", "low", "high"]]}
     if names not in wanted.get(question.rule, [["ours"], ["ours", "low", "high"]]):
         raise ValueError(f"row {question.id!r} has the numbers {names}, expected those of the rule {question.rule!r}")
-    numbers = _ordered(question, {name: finite(question.id, name, text[name]) for name in names})
+    numbers = _ordered(question, {name: read_number(question.id, name, text[name]) for name in names})
     reason = {"paper in error": "error", "misprint": "misprint"}.get(text["verdict"], "note")
     return numbers, Found(None, **{reason: text["note"]})
 
@@ -125,11 +125,11 @@ def _numbers(question, value):
             raise ValueError(
                 f"answer to {id!r} is {value!r}, expected {'draws' if rule == 'random cell' else 'one number'} for the rule {rule!r}"
             )
-        numbers = {name: finite(id, name, part) for name, part in zip(("ours", "low", "high"), value, strict=True)}
-    elif np.ndim(value) or rule == "random cell":
+        numbers = {name: finite(id, f"answer ({name})", part) for name, part in zip(("ours", "low", "high"), value, strict=True)}
+    elif isinstance(value, list) or getattr(value, "ndim", 0) or rule == "random cell":
         if rule in ("cell", "equation"):
-            raise ValueError(f"answer to {id!r} has the shape {np.shape(value)}, expected one number for the rule {rule!r}")
-        draws = checked_draws(id, value)
+            raise ValueError(f"answer to {id!r} is {value!r}, expected one number for the rule {rule!r}")
+        draws = checked_draws(id, value, "answer, draws,")
         low, ours, high = np.quantile(draws, [0.025, 0.5, 0.975])
         ours, low, high = (ours, low, high) if rule == "random cell" else mean_interval(draws)
         numbers = {"ours": float(ours), "low": float(low), "high": float(high)}
@@ -142,7 +142,7 @@ def _ordered(question, numbers):
     if len(numbers) == 3 and not numbers["low"] <= numbers["ours"] <= numbers["high"]:
         raise ValueError(f"answer to {question.id!r} is {numbers}, expected low ≤ ours ≤ high")
     if question.rule == "equation" and numbers["ours"] < 0:
-        raise ValueError(f"residual of {question.id!r} is {numbers['ours']!r}, expected a number ≥ 0")
+        raise ValueError(f"answer to {question.id!r} is {numbers['ours']!r}, expected a residual, a number ≥ 0")
     return numbers
 
 

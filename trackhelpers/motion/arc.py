@@ -13,6 +13,7 @@ import numpy as np
 from scipy.special import spherical_jn
 
 from trackhelpers.angles import cos_sin
+from trackhelpers.checks import check_numbers
 from trackhelpers.symbols import Pair, Symbol, polynomial
 
 _SMALL = 0.5  # below this half angle the series of j₁, j₂ and j₃ needs no more than 7 terms for full double precision
@@ -69,14 +70,19 @@ def turn_integrals(phi, order):
     -------
     list of complex numpy.ndarray, each of the shape of `phi`
         Relative error below 1e-14 for every φ, 0 among them.
+
+    Raises
+    ------
+    ValueError
+        For another order, and what is no number.
     """
-    if order not in (0, 1, 2, 3):
+    if type(order) is not int or order not in (0, 1, 2, 3):
         raise ValueError(f"order: expected 0, 1, 2 or 3, got {order!r}")
-    if type(phi) is float:
+    if type(phi) is float and phi - phi == 0:
         return _of_number(phi, order)
     if isinstance(phi, Symbol):
         return _of_symbol(phi, order)
-    phi = np.asarray(phi, dtype=float)
+    phi = check_numbers(phi, "phi")
     h = np.atleast_1d(0.5 * phi)
     with np.errstate(over="ignore", invalid="ignore"):  # a diverged run holds inf or NaN; and for a large h no series is used
         turn = unit(h)

@@ -4,6 +4,7 @@ import numpy as np
 
 from trackhelpers import angles as _angles
 from trackhelpers.arrays import check_array
+from trackhelpers.checks import check_choice, check_together
 from trackhelpers.hooks import applied
 from trackhelpers.model import Model
 
@@ -34,9 +35,7 @@ class MotionModel(Model):
     ] = ()  # components that change their sign when the same motion is called one backwards: speed, acceleration, curvature
 
     def __init__(self, sigmas, noise="straight", Q=None):
-        if noise not in NOISES:
-            raise ValueError(f"noise: expected one of {NOISES}, got {noise!r}")
-        self.noise = noise
+        self.noise = check_choice(noise, "noise", NOISES)
         if noise == "exact":
             self._order = 2
         super().__init__(sigmas, Q)
@@ -62,6 +61,11 @@ class MotionModel(Model):
         -------
         numpy.ndarray, shape (n, ...)
             Its heading in [−π, π); a model without a heading gives x back.
+
+        Raises
+        ------
+        ValueError
+            Shapes that do not fit, a state (n,) that is not finite.
         """
         x = check_array(x, "x", self.n)
         if not self.backwards:
@@ -70,7 +74,9 @@ class MotionModel(Model):
         if near is None:
             other = x[speed] < 0
         else:
-            away = _angles.residual(x[[heading]], check_array(near, "near", self.n)[[heading]], (0,))[0]
+            near = check_array(near, "near", self.n)
+            check_together("shapes (n, ...) that broadcast", x=x[0], near=near[0])
+            away = _angles.residual(x[[heading]], near[[heading]], (0,))[0]
             other = np.abs(away) > np.pi / 2
         folded = np.array(np.broadcast_to(x, np.broadcast_shapes(x.shape, (self.n, *np.shape(other)))))
         folded[list(self.backwards)] *= np.where(other, -1.0, 1.0)

@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from trackhelpers.arrays import check_array, check_dt
+from trackhelpers.arrays import check_angles, check_covariance, check_dt, check_matrix
+from trackhelpers.checks import check_names
 from trackhelpers.hooks import applied, entries_of
 from trackhelpers.model import Model
 
@@ -30,15 +31,13 @@ class LinearModel(Model):
     linear = True
 
     def __init__(self, F, Q, dt, state, angles=()):
-        self.state, self.angles = tuple(state), tuple(angles)
-        F = check_array(F, "F", self.n, (self.n,))
-        if not np.all(np.isfinite(F)):
-            raise ValueError("F: expected finite numbers")
-        self._transition = entries_of(F, np.eye(self.n))
+        self.state = check_names(state, "state")
+        self.angles = check_angles(angles, self.n)
+        self._transition = entries_of(check_matrix(F, "F", (self.n, self.n)), np.eye(self.n))
         self.dt = check_dt(dt)
         if self.dt == 0:
             raise ValueError("dt: expected a step > 0 s, got 0")
-        super().__init__(Q=Q)
+        super().__init__(Q=check_covariance(Q, "Q", self.n))
 
     def _arguments(self, x, dt):
         x, dt = super()._arguments(x, dt)

@@ -15,13 +15,13 @@ class Cartesian(LinearMotion):
     _chain: tuple[str, ...]  # prefixes of position and its derivatives
 
     def __init__(self, sigma, axes, noise, Q, name):
-        if axes not in (1, 2, 3):
+        if isinstance(axes, (bool, np.timedelta64)) or not isinstance(axes, (int, np.integer)) or not 1 <= axes <= 3:
             raise ValueError(f"axes: expected 1, 2 or 3, got {axes!r}")
         self.axes = axes
         self.state = tuple(prefix + axis for axis in "xyz"[:axes] for prefix in self._chain)
         self._first = range(0, len(self.state), len(self._chain))  # component of each axis
         self.white = tuple(i + len(self._chain) - 1 for i in self._first)
-        values = [sigma] * axes if np.ndim(sigma) == 0 else list(sigma)
+        values = list(sigma) if isinstance(sigma, (list, tuple)) or getattr(sigma, "ndim", 0) else [sigma] * axes
         if len(values) != axes:
             raise ValueError(f"{name}: expected one number or {axes}, one an axis, got {len(values)}")
         super().__init__([(name, value) for value in values], noise, Q)

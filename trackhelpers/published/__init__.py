@@ -8,6 +8,7 @@ import csv
 from decimal import Decimal, InvalidOperation
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 
 __all__ = ["PAPERS", "last_digit", "published", "tables_of"]
@@ -24,7 +25,7 @@ def tables_of(paper):
     ValueError
         For a paper that is none of `PAPERS`.
     """
-    if paper not in PAPERS:
+    if not isinstance(paper, str) or paper not in PAPERS:
         raise ValueError(f"paper is {paper!r}, expected one of {', '.join(PAPERS)}; {_what_exists()}")
     return tuple(sorted(int(path.stem.rpartition("table")[2]) for path in _FOLDER.glob(f"{paper}_table*.csv")))
 
@@ -53,9 +54,10 @@ def published(paper, table, numeric=False):
         For an unknown paper, a table that the paper does not have, or `numeric` for a table of words. The message lists what exists.
     """
     known = tables_of(paper)
+    table = table if isinstance(table, (int, np.integer)) and not isinstance(table, (bool, np.timedelta64)) else repr(table)
     if table not in known:
         gap = "the thesis numbers no table 6, it goes from 5 to 7; " if (paper, table) == ("thesis", 6) else ""
-        raise ValueError(f"table {table!r} of {paper} does not exist; {gap}{_what_exists()}")
+        raise ValueError(f"table {table} of {paper} does not exist, expected one that does; {gap}{_what_exists()}")
     meta, cells = _read(_FOLDER / f"{paper}_table{int(table)}.csv")
     frame = pd.DataFrame(cells[1:], columns=cells[0], dtype=str)
     if "index" in meta:

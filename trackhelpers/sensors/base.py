@@ -3,7 +3,8 @@
 import numpy as np
 
 from trackhelpers import angles as _angles
-from trackhelpers.arrays import check_array, check_covariance, check_scale
+from trackhelpers.arrays import check_angles, check_array, check_covariance, check_scale
+from trackhelpers.checks import check_names, check_number, check_numbers
 from trackhelpers.hooks import central_differences, dense, evaluate, filled, refuse_overrides
 
 CTRV_STATE = ("x", "y", "v", "θ", "ω")
@@ -45,6 +46,8 @@ class Sensor:
 
     Raises
     ------
+    ValueError
+        A sigma, an R, names or indices that do not fit.
     TypeError
         When a subclass defines h, H, step, or linearised anew: its hook is meant.
     """
@@ -57,11 +60,10 @@ class Sensor:
         refuse_overrides(cls, Sensor, h="_h", H="_H", step="_h or _H", linearised="_h or _H")
 
     def __init__(self, sigma, state, R=None, rows=None, angles=None):
-        self.state, self.components = tuple(state), tuple(self.names)
+        self.state, self.components = check_names(state, "state"), check_names(self.names, "names")
         every = len(self.components)
-        self._wrapping = [i for i, name in enumerate(self.components) if name in _angles.NAMES] if angles is None else list(angles)
-        if any(i not in range(every) for i in self._wrapping):
-            raise ValueError(f"angles: expected indices from 0 to {every - 1}, got {tuple(angles)}")
+        known = [i for i, name in enumerate(self.components) if name in _angles.NAMES]
+        self._wrapping = known if angles is None else list(check_angles(angles, every))
         self._taken = self._indices(rows)
         self._partly = self._taken != tuple(range(every))
         self.names = tuple(self.components[i] for i in self._taken)
@@ -81,7 +83,8 @@ class Sensor:
         return len(self.names)
 
     def at(self, t):
-        """The sensor at the time `t`, s: itself, unless a subclass moves or changes with time."""
+        """The sensor at the time `t`, s: itself, unless a subclass moves or changes with time. ValueError for what is no time."""
+        check_time(t)
         return self
 
     def of_runs(self, mask):
@@ -124,14 +127,23 @@ class Sensor:
         return filled(rows, self.m, x, "_h"), entries
 
     def residual(self, z, z_hat):
-        """z − z_hat with the angles' difference taken the short way round; shapes (m, ...)."""
-        return _angles.residual(z, z_hat, self.angles)
+        """z − z_hat with the angles' difference taken the short way round; shapes (m, ...). ValueError for shapes that do not fit."""
+        z, z_hat = check_numbers(z, "z"), check_numbers(z_hat, "z_hat")
+        try:
+            difference = z - z_hat
+        except ValueError:
+            difference = None
+        if difference is None or z.shape[:1] != (self.m,) or z_hat.shape[:1] != (self.m,):
+            raise ValueError(
+                f"z, z_hat: expected shapes ({self.m}, ...) that broadcast against each other, got {z.shape} and {z_hat.shape}"
+            )
+        return _angles.wrap_rows(difference, self.angles)
 
     def _indices(self, rows):
         if rows is None:
             return tuple(range(len(self.components)))
-        rows = (rows,) if isinstance(rows, str) else tuple(rows)
-        if not rows or len(set(rows)) < len(rows) or not set(rows) <= set(self.components):
+        rows = (rows,) if isinstance(rows, str) else check_names(rows, "rows")
+        if not set(rows) <= set(self.components):
             raise ValueError(f"rows: expected some of {self.components}, each once, got {rows}")
         return tuple(self.components.index(name) for name in rows)
 
@@ -139,11 +151,11 @@ class Sensor:
         """R of the rows taken."""
         every, taken = len(self.components), list(self._taken)
         if R is not None:
-            size = len(np.atleast_2d(R))
+            size = len(np.atleast_2d(check_numbers(R, "R")))
             if size == every:
                 return check_covariance(R, "R", every)[np.ix_(taken, taken)]
             return check_covariance(R, "R", len(taken))
-        values = [sigma] * every if np.ndim(sigma) == 0 else list(sigma)
+        values = list(sigma) if isinstance(sigma, (list, tuple)) or getattr(sigma, "ndim", 0) else [sigma] * every
         if len(values) == every:
             values = [values[i] for i in taken]
         if len(values) != len(taken):
@@ -152,7 +164,7 @@ class Sensor:
 
     def _column(self, name):
         if name not in self.state:
-            raise ValueError(f"state: {type(self).__name__} needs a component named {name!r}, got {self.state}")
+            raise ValueError(f"state: expected a component named {name!r}, which {type(self).__name__} needs, got {self.state}")
         return self.state.index(name)
 
     def _hooks(self, x):
@@ -185,5 +197,10 @@ class Sensor:
 def check_mounting(position, heading, axes):
     """The mounting as a tuple of numbers and a number: where a sensor stands, m, `axes` of them, and which way it looks, rad."""
     place = check_array(position, "position", axes, ())
-    turn = check_array(np.atleast_1d(heading), "heading", 1, ())
-    return tuple(place.tolist()), float(turn[0])
+    return tuple(place.tolist()), check_number(heading, "heading", "an angle in rad")
+
+
+def check_time(t):
+    """ValueError unless `t` is a finite time in seconds."""
+    if not (isinstance(t, float) and t - t == 0):
+        check_number(t, "t", "a finite time, seconds as a number")

@@ -24,7 +24,7 @@ class FDOA(StationDifferences):
     letter = "ḋ"
 
     def __init__(self, sigma=None, satellites=None, velocities=None, chart=None, state=("x", "y", "vx", "vy"), rows=(1, 2), R=None):
-        self.velocities = velocities
+        self.velocities = velocities if callable(velocities) else check_stations(velocities, "velocities").copy()
         super().__init__(sigma, satellites, chart, state, rows, R)
         self._rates = self._column("vx"), self._column("vy")
 

@@ -5,7 +5,8 @@ from math import cos, sin
 import numpy as np
 
 from trackhelpers import angles as _angles
-from trackhelpers.arrays import check_array, check_covariance
+from trackhelpers.arrays import check_covariance, check_matrix
+from trackhelpers.checks import check_names, check_numbers
 from trackhelpers.hooks import entries_of
 from trackhelpers.sensors.base import CTRV_STATE, Sensor, check_mounting
 
@@ -26,9 +27,9 @@ class Position(Sensor):
     linear = True
 
     def __init__(self, sigma=1.0, state=CTRV_STATE, R=None, rows=None, position=None, heading=0.0):
-        self.names = tuple(name for name in "xyz" if name in state)
+        self.names = tuple(name for name in "xyz" if name in check_names(state, "state"))
         if not self.names:
-            raise ValueError(f"state: {type(self).__name__} needs a component named x, y or z, got {tuple(state)}")
+            raise ValueError(f"state: expected a component named x, y or z, which {type(self).__name__} needs, got {tuple(state)}")
         super().__init__(sigma, state, R, rows)
         self._columns = [self._column(name) for name in self.components]
         axes = len(self.components)
@@ -63,7 +64,7 @@ class Lidar(Position):
     def __init__(self, sigma=0.15, state=CTRV_STATE, R=None, rows=None, position=None, heading=0.0):
         super().__init__(sigma, state, R, rows, position, heading)
         if self.components != ("x", "y"):
-            raise ValueError(f"state: Lidar needs components named x and y and no z, got {tuple(state)}")
+            raise ValueError(f"state: expected components named x and y and no z, which Lidar needs, got {tuple(state)}")
 
 
 class LinearSensor(Sensor):
@@ -91,12 +92,10 @@ class LinearSensor(Sensor):
     linear = True
 
     def __init__(self, H, R, state, names=None, angles=None):
-        H = np.atleast_2d(H)
-        self.names = tuple(f"z{i + 1}" for i in range(len(H))) if names is None else tuple(names)
+        H = np.atleast_2d(check_numbers(H, "H"))
+        self.names = tuple(f"z{i + 1}" for i in range(len(H))) if names is None else check_names(names, "names")
         super().__init__(1.0, state, check_covariance(R, "R", len(self.names)), angles=angles)
-        H = check_array(H, "H", self.m, (len(self.state),))
-        if not np.all(np.isfinite(H)):
-            raise ValueError("H: expected finite numbers")
+        H = check_matrix(H, "H", (self.m, len(self.state)))
         self._matrix, self._sparse = H.copy(), entries_of(H)
         if angles is None:
             known = [j for j, name in enumerate(self.state) if name in _angles.NAMES]

@@ -31,7 +31,7 @@ class RangeBearing(Sensor):
     def __init__(self, sigma=(1.0, 0.01), state=CTRV_STATE, R=None, rows=None, position=(0.0, 0.0), heading=0.0):
         super().__init__(sigma, state, R, rows)
         if "z" in self.state:
-            raise ValueError(f"state: {type(self).__name__} measures in the plane and would ignore the component z, got {self.state}")
+            raise ValueError(f"state: expected none named z, which {type(self).__name__}, in the plane, would ignore, got {self.state}")
         self._place = self._column("x"), self._column("y")
         self.position, self.heading = check_mounting(position, heading, 2)
         self._elsewhere = any(self.position)

@@ -6,11 +6,13 @@ from math import sqrt
 import numpy as np
 
 from trackhelpers.arrays import check_array
-from trackhelpers.sensors.base import Sensor
+from trackhelpers.charts import check_chart
+from trackhelpers.checks import check_mask, check_numbers
+from trackhelpers.sensors.base import Sensor, check_time
 
 
 def range_differences(position, satellites):
-    """``|p − s_i| − |p − s_0|`` for i = 1 … S − 1, without cancellation.
+    """``|p − s_i| − |p − s_0|`` for i = 1 … S − 1, without cancellation. ValueError for shapes that do not fit.
 
     With b = s_0 − s_i and u = p − s_0 it is c/(r_i + r_0), where c = r_i² − r_0² = b·(2u + b).
 
@@ -70,22 +72,27 @@ class StationDifferences(Sensor):
     def __init__(self, sigma=None, satellites=None, chart=None, state=("x", "y", "vx", "vy"), rows=(1, 2), R=None):
         if (sigma is None) == (R is None):
             raise ValueError("sigma, R: expected one of the two")
-        self.satellites, self.chart = satellites, chart
-        rows = [rows] if isinstance(rows, (str, int, np.integer)) else rows
-        rows = [row if isinstance(row, str) else f"{self.letter}{row}" for row in rows]
+        self.satellites, self.chart = satellites, check_chart(chart)
+        rows = self._named(rows)
         if callable(satellites):
             count = max([2, *(int(row[len(self.letter) :]) for row in rows if row[len(self.letter) :].isdecimal())])
         else:
-            count = check_stations(satellites, "satellites").shape[1] - 1
+            self.satellites = check_stations(satellites, "satellites").copy()
+            count = self.satellites.shape[1] - 1
         self.names = tuple(f"{self.letter}{i}" for i in range(1, count + 1))
-        given = np.ndim(sigma) == 2
+        given = (
+            sigma is not None
+            and (isinstance(sigma, (list, tuple)) or getattr(sigma, "ndim", 0))
+            and check_numbers(sigma, "sigma").ndim == 2
+        )
         super().__init__(None if given else sigma, state, sigma if given else R, rows)
         self._place = self._column("x"), self._column("y")
         self._latest = None, None
         self._stations = None if callable(satellites) else self._prepared(None)
 
     def at(self, t):
-        """The sensor at the time `t`, s; the last one is kept, so that it costs nothing to ask again."""
+        """The sensor at the time `t`, s; the last one is kept, so that it costs nothing to ask again. ValueError for what is no time."""
+        check_time(t)
         if not callable(self.satellites):
             return self
         if self._latest[0] != t:
@@ -94,12 +101,19 @@ class StationDifferences(Sensor):
 
     def with_chart(self, chart):
         """The same sensor with another chart: where a sign of the `Ellipsoid` has changed, see `trackhelpers.charts.next_sign`."""
-        return self._copy(chart=chart)
+        return self._copy(chart=check_chart(chart))
 
     def of_runs(self, mask):
         """The sensor of some runs of an ensemble, mask (M,) bool: itself, unless the chart has a sign for each run."""
         sign = getattr(self.chart, "sign", None)
-        return self.with_chart(self.chart.with_sign(sign[mask])) if np.ndim(sign) else self
+        return self.with_chart(self.chart.with_sign(sign[check_mask(mask, "mask", len(sign))])) if np.ndim(sign) else self
+
+    def _named(self, rows):
+        """The names of rows that are given by numbers or names."""
+        rows = [rows] if isinstance(rows, str) or not hasattr(rows, "__iter__") else list(rows)
+        if not rows or not all(isinstance(row, (str, int, np.integer)) and not isinstance(row, bool) for row in rows):
+            raise ValueError(f"rows: expected numbers of satellites, from 1, or names, got {rows}")
+        return [row if isinstance(row, str) else f"{self.letter}{row}" for row in rows]
 
     def _copy(self, **changed):
         other = copy.copy(self)

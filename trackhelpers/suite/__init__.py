@@ -50,6 +50,5 @@ def longest_first(items, folder=NOTEBOOKS, path=Path):
 def missing_data(path, folder=NOTEBOOKS):
     """Return why the notebook `path` below `folder` cannot run here, or None if it can."""
     needed = NEEDS.get(Path(path).relative_to(folder).as_posix())
-    if needed is None or datasets.available(needed):
-        return None
-    return f"{Path(path).name} needs {needed}, which is neither here nor to be downloaded"
+    reason = None if needed is None else datasets.why_not(needed)
+    return reason and f"{Path(path).name} needs {needed}: {reason}"

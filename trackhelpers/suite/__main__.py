@@ -65,6 +65,9 @@ def main(arguments=None):
     except (NotebookError, FileNotFoundError, RuntimeError) as error:
         print(f"\n{error}", file=sys.stderr)
         return 1
+    except KeyboardInterrupt:
+        print("\nInterrupted: what was finished is stored, the rest is as it was.", file=sys.stderr)
+        return 130
     return 0
 
 

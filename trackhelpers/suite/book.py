@@ -45,13 +45,21 @@ def build(folder=NOTEBOOKS, out=ROOT / "build"):
     if not (folder / FIRST_PAGE).exists():
         raise FileNotFoundError(f"{folder / FIRST_PAGE}: the book's first page is missing")
     executed = out / "notebooks"
-    for old in (executed, out / "results", out / "book"):
+    fresh, book = out / "book.part", out / "book"
+    for old in (executed, out / "results", fresh):
         shutil.rmtree(old, ignore_errors=True)
     # Pictures and tables that the notebooks' text refers to come along.
     shutil.copytree(folder, executed, ignore=shutil.ignore_patterns("*.ipynb", ".*"))
     (out / "results").mkdir()
     run(notebooks(folder), lambda path: executed / path.relative_to(folder), folder=folder, results=out / "results")
-    return pages(executed, out / "book", with_written=True)
+    try:
+        index = pages(executed, fresh, with_written=True)
+    except BaseException:
+        shutil.rmtree(fresh, ignore_errors=True)
+        raise
+    shutil.rmtree(book, ignore_errors=True)  # the old book stays until the new one is whole
+    fresh.rename(book)
+    return book / index.relative_to(fresh)
 
 
 def pages(executed, out, with_written=False):
@@ -77,7 +85,8 @@ def pages(executed, out, with_written=False):
     first.cells.append(nbformat.v4.new_markdown_cell(contents(source), id="table-of-contents"))
     form.write(first, source / FIRST_PAGE)
     command = [sys.executable, "-m", "sphinx", "-W", "--keep-going", "-q", "-b", "html", "-c", ROOT / "book"]
-    if subprocess.run([*command, "-d", out / "doctrees", source, html]).returncode:
+    # in a session of its own, so that Ctrl-C is this program's to tell of
+    if subprocess.run([*command, "-d", out / "doctrees", source, html], start_new_session=True).returncode:
         raise RuntimeError("Sphinx warned, see above: the book is not built")
     outside = outside_addresses(html)
     if outside:

@@ -2,12 +2,12 @@
 
 import base64
 import io
-import os
 import re
-from pathlib import Path
 
 import nbformat
 from PIL import Image, ImageChops
+
+from trackhelpers.whole import write_whole
 
 # No version of Python or of a package in it: those change without the notebook changing.
 METADATA = {
@@ -81,8 +81,4 @@ def dumps(notebook):
 
 def write(notebook, path):
     """Write the notebook to `path` at once or not at all, so that a run broken off leaves the old file."""
-    path = Path(path)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    part = path.with_name(path.name + ".part")
-    part.write_text(dumps(notebook), encoding="utf-8")
-    os.replace(part, path)
+    write_whole(path, dumps(notebook))

@@ -20,6 +20,17 @@ for category in (DeprecationWarning, PendingDeprecationWarning):
 del warnings, category
 """
 
+# matplotlib reads its settings where it is imported, and before all others a file "matplotlibrc" in the working folder, which is the notebook's.
+SETTINGS = """\
+import os
+
+here = os.getcwd()
+os.chdir({folder!r})
+import matplotlib
+os.chdir(here)
+del os, here, matplotlib
+"""
+
 ENVIRONMENT = {
     "MPLBACKEND": "module://matplotlib_inline.backend_inline",
     "OMP_NUM_THREADS": "1",  # two notebooks run at a time; and matrices as small as ours wait for threads more than they gain
@@ -47,8 +58,9 @@ def strict_kernels(results=None, live=False):
         folder = Path(folder)
         profile = folder / "ipython" / "profile_default" / "startup"
         profile.mkdir(parents=True)
+        (profile / "00-settings.py").write_text(SETTINGS.format(folder=str(folder)), encoding="utf-8")
         if not live:
-            (profile / "00-warnings.py").write_text(STARTUP, encoding="utf-8")
+            (profile / "01-warnings.py").write_text(STARTUP, encoding="utf-8")
         (folder / "matplotlibrc").touch()
         env = ENVIRONMENT | ({} if live else QUIET) | {"IPYTHONDIR": str(folder / "ipython"), "MATPLOTLIBRC": str(folder / "matplotlibrc")}
         # argv names sys.executable in full, so no kernel registered elsewhere is taken, and a space in its path does no harm.

@@ -8,6 +8,7 @@ from trackhelpers.ledger import read_ledger, read_questions, summary_markdown
 from trackhelpers.ledger.record import marked
 from trackhelpers.suite import NOTEBOOKS, ROOT, notebooks
 from trackhelpers.suite.records import rows_of
+from trackhelpers.whole import write_whole
 
 FIGURE = ROOT / "book" / "readme.png"
 START, END = "<!-- ledger:start -->", "<!-- ledger:end -->"
@@ -55,5 +56,6 @@ def in_step(text, ledger, questions):
 def write():
     """Bring README.md and its figure in step with what is committed."""
     readme = ROOT / "README.md"
-    readme.write_text(in_step(readme.read_text(encoding="utf-8"), read_ledger(), read_questions()), encoding="utf-8", newline="\n")
-    FIGURE.write_bytes(tagged_figure())
+    text, figure = in_step(readme.read_text(encoding="utf-8"), read_ledger(), read_questions()), tagged_figure()
+    write_whole(readme, text)
+    write_whole(FIGURE, figure)

@@ -7,6 +7,7 @@ import nbformat
 from trackhelpers.ledger import read_ledger, read_questions
 from trackhelpers.ledger.record import marked, record
 from trackhelpers.suite import NOTEBOOKS, form, notebooks
+from trackhelpers.whole import write_whole
 
 
 def records(ledger, questions):
@@ -25,7 +26,7 @@ def write_records(folder, ledger, questions):
     for old in set(Path(folder).glob("*__*.md")) - {Path(folder) / name for name in pages}:
         old.unlink()
     for name, text in pages.items():
-        (Path(folder) / name).write_text(text, encoding="utf-8", newline="\n")
+        write_whole(Path(folder) / name, text)
 
 
 def rows_of(ledger, questions):

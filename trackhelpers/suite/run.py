@@ -2,7 +2,9 @@
 
 import asyncio
 import re
+import signal
 import time
+from contextlib import contextmanager
 from pathlib import Path
 
 import nbformat
@@ -40,6 +42,8 @@ def run(paths, destination, *, folder=NOTEBOOKS, results=None, jobs=2, timeout=6
     ------
     NotebookError
         At the first cell that raises (a warning does), writes to stderr, or takes too long. Notebooks then running are dropped.
+    KeyboardInterrupt
+        At Ctrl-C, within a second or two; notebooks that were finished are stored, the others are as they were.
     """
     todo = []
     for path in longest_first(map(Path, paths), folder):
@@ -53,28 +57,64 @@ def run(paths, destination, *, folder=NOTEBOOKS, results=None, jobs=2, timeout=6
     total = sum(cell.cell_type == "code" and bool(cell.source.strip()) for _, notebook in todo for cell in notebook.cells)
     with strict_kernels(results), tqdm(total=total, unit="cell", desc="Notebooks") as bar:
         for phase in ([t for t in todo if t[0].name != FIRST_PAGE], [t for t in todo if t[0].name == FIRST_PAGE]):
-            asyncio.run(_run_together(phase, destination, folder, jobs, timeout, bar))
+            interrupted = []
+            try:
+                asyncio.run(_run_together(phase, destination, folder, jobs, timeout, bar, interrupted))
+            except (asyncio.CancelledError, NotebookError):  # nbclient takes a cancelled cell for one whose kernel died
+                if interrupted:
+                    raise KeyboardInterrupt from None
+                raise
 
 
-async def _run_together(todo, destination, folder, jobs, timeout, bar):
-    free = asyncio.Semaphore(jobs)
+async def _run_together(todo, destination, folder, jobs, timeout, bar, interrupted):
+    free, clients = asyncio.Semaphore(jobs), []
 
     async def one(path, notebook):
         async with free:
             name, start = path.relative_to(folder).as_posix(), time.perf_counter()
-            await _execute(notebook, name, path.parent, timeout, bar)
+            await _execute(notebook, name, path.parent, timeout, bar, clients)
             form.write(form.normalise(notebook), destination(path))
             bar.write(f"  {name}  {time.perf_counter() - start:.0f} s")
 
     try:
-        async with asyncio.TaskGroup() as group:
-            for path, notebook in todo:
-                group.create_task(one(path, notebook))
+        with _interrupts_end_it(clients, interrupted):
+            async with asyncio.TaskGroup() as group:
+                for path, notebook in todo:
+                    group.create_task(one(path, notebook))
     except* NotebookError as failures:
         raise failures.exceptions[0] from None
 
 
-async def _execute(notebook, name, cwd, timeout, bar):
+@contextmanager
+def _interrupts_end_it(clients, interrupted):
+    """At Ctrl-C end the running kernels without waiting for them, and cancel the present task; `interrupted` then holds something.
+
+    Each nbclient would put a handler of its own in the place of this one, which shuts down its own kernel and lets the program go on.
+    """
+    loop, task = asyncio.get_running_loop(), asyncio.current_task()
+
+    def interrupt():
+        interrupted.append(signal.SIGINT)
+        for client in clients:
+            client.shutdown_kernel = "immediate"
+        task.cancel()
+
+    def keep(*_):
+        raise RuntimeError("the handler of Ctrl-C is the suite's")
+
+    try:
+        loop.add_signal_handler(signal.SIGINT, interrupt)
+    except (NotImplementedError, RuntimeError):  # on Windows, or outside the main thread
+        yield
+        return
+    loop.add_signal_handler = loop.remove_signal_handler = keep
+    try:
+        yield
+    finally:
+        del loop.add_signal_handler, loop.remove_signal_handler
+
+
+async def _execute(notebook, name, cwd, timeout, bar, clients):
     now_at = "its kernel's start"
 
     def started(cell, cell_index):
@@ -104,6 +144,7 @@ async def _execute(notebook, name, cwd, timeout, bar):
         on_cell_execute=started,
         on_cell_executed=executed,
     )
+    clients.append(client)
     try:
         await client.async_execute()
     except (TimeoutError, RuntimeError) as error:  # a cell too slow; a kernel that died or did not start

@@ -11,6 +11,7 @@ from trackhelpers.suite import ROOT
 from trackhelpers.suite.for_the_book import with_chinese
 from trackhelpers.suite.letters import symbols_page
 from trackhelpers.suite.records import rows_of
+from trackhelpers.whole import write_whole
 
 __all__ = ["LOOK_UP", "PAGES", "PAPERS", "dead", "filled", "lay", "report", "texts", "unreached", "write"]
 
@@ -61,7 +62,7 @@ def filled(pages, ledger, questions):
 def write(folder=PAGES):
     """Bring the pages in `folder` in step with the stored ledger."""
     for page, text in filled(texts(folder), read_ledger(), read_questions()).items():
-        (Path(folder) / page).write_text(text, encoding="utf-8", newline="\n")
+        write_whole(Path(folder) / page, text)
 
 
 def lay(source):
