@@ -12,7 +12,7 @@ NBVAL := --nbval --nbval-sanitize-with=tests/nbval_sanitize.cfg --nbval-cell-tim
 $(shell test -x $(RUN) || rm -f $(READY))
 
 .DEFAULT_GOAL := help
-.PHONY: help book lab test test-lowest test-latest refresh lock bench clean
+.PHONY: help book lab student test test-lowest test-latest browser-test refresh lock bench clean
 .DELETE_ON_ERROR:
 
 help:  ## list the targets
@@ -33,12 +33,21 @@ book: $(READY)  ## run every notebook afresh and build the web book, which needs
 lab: $(READY)  ## open the notebooks in JupyterLab (LAB= takes its options, --no-browser for one)
 	@$(RUN) -m trackhelpers.suite lab $(LAB)
 
+student: $(READY)  ## copy the notebooks without the exercises' solutions to build/student
+	@$(RUN) -m trackhelpers.suite student
+
 test: $(READY)  ## lint code and notebooks, run the unit tests (TESTS= takes pytest's options), compare every notebook's outputs with a fresh run
 	$(RUN) -m ruff check .
 	$(RUN) -m ruff format --check .
 	$(RUN) -m pytest tests -n 2 $(TESTS)
 	@if [ -z "$$(find notebooks -name '*.ipynb' -not -path '*/.*' 2>/dev/null)" ]; then echo "No notebooks to compare yet."; \
 	else set -x; $(RUN) -m pytest $(NBVAL) notebooks -n 2 --dist loadscope --no-loadscope-reorder; fi
+
+# Playwright drives the Chromium that is installed, under CHROMIUM= or as `chromium`. It is an extra that environment.txt need not hold:
+# nothing else uses it.
+browser-test: $(READY)  ## move the sliders and folds of book and JupyterLab in a browser (TESTS= takes pytest's options)
+	@$(RUN) -m pip install --quiet --disable-pip-version-check "$$($(RUN) -c 'import tomllib; print(*tomllib.load(open("pyproject.toml", "rb"))["project"]["optional-dependencies"]["browser"])')"
+	$(RUN) -m pytest tests_browser $(TESTS)
 
 refresh: $(READY)  ## run every notebook in place and store it normalised: a second run changes no byte
 	@$(RUN) -m trackhelpers.suite refresh

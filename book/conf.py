@@ -26,6 +26,7 @@ suppress_warnings = ["ref.python"]  # a letter such as S is an attribute of more
 html_theme = "sphinx_book_theme"
 html_title = project
 html_theme_options = {"home_page_in_toc": True, "navigation_with_keys": False, "navbar_persistent": [], "show_toc_level": 2}
+html_context = {"default_mode": "auto"}  # without it the theme complains in the console at a first visit
 html_show_copyright = False
 html_show_sphinx = False
 html_static_path = ["_static"]

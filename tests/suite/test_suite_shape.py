@@ -28,6 +28,7 @@ def notebook(*cells):
         [(ANSWER, FOLDED), "## Second", (ANSWER, FOLDED)],
         [(LONG, {"tags": ["hide-input"]})],
         [LONG + "\nplots.show(fig, '1-1', 'x')"],
+        [LONG + "\nPlayground(f, a=[1, 2]).show('1-1', 'x')"],
         ["# your code here", "# your code here"],
         ["def f(x):\n    y = x + 1\n    return y", "%timeit f(1)", "my.ledger.answer"],
         ["x" * 82],
@@ -50,6 +51,7 @@ def test_a_notebook_in_its_form_has_no_faults(cells):
         ([(ANSWER, {"tags": ["hide-input"], "jupyter": {"source_hidden": True}})], "expected it folded"),
         ([(ANSWER, FOLDED), (ANSWER, FOLDED)], "section 'First' has a second"),
         (["plots.show(a, '1', 'x')\nplots.show(b, '2', 'x')"], "2 figures"),
+        (["plots.show(a, '1', 'x')\nPlayground(f, a=[1])"], "2 figures"),
         (["## " + "word " * 3801], "words"),
     ],
 )

@@ -32,7 +32,10 @@ class EnsembleEKF(Ensemble):
 
     Attributes
     ----------
-    x (n, M), P (n, n, M) : state and covariance; y (m, M), S (m, m, M), K (n, m, M) : of the last update.
+    x : numpy.ndarray, shape (n, M)
+        The state; P, shape (n, n, M), is its covariance.
+    y : numpy.ndarray, shape (m, M)
+        Innovation of the last update, with S, shape (m, m, M), and K, shape (n, m, M).
     """
 
     def __init__(self, model, x0, P0, iterations=1):

@@ -170,8 +170,10 @@ class EnsembleMatrixKF(MatrixEnsemble):
 
     Attributes
     ----------
-    x (n, M), P (n, n, M) : also called `estimate`, `estimate_P`
-    y (m, M), S (m, m, M), K (n, m, M) : of the last update; empty, m = 0, where nobody was measured
+    x : numpy.ndarray, shape (n, M)
+        The state, also called `estimate`; P or `estimate_P`, shape (n, n, M), is its covariance.
+    y : numpy.ndarray, shape (m, M)
+        Innovation of the last update, with S, shape (m, m, M), and K, shape (n, m, M); empty, m = 0, where nobody was measured.
 
     Raises
     ------

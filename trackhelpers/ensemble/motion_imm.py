@@ -24,8 +24,10 @@ class EnsembleMotionIMM:
     ----------
     mu : numpy.ndarray, shape (N, M)
         Probability of each model, after `predict` too.
-    x (n, M), P (n, n, M) : of the mixture; also called `estimate`, `estimate_P`
-    y (m, M), S (m, m, M) : of the last update, as moments of the mixture of the filters' predicted measurements
+    x : numpy.ndarray, shape (n, M)
+        Of the mixture, also called `estimate`; P or `estimate_P`, shape (n, n, M), is its covariance.
+    y : numpy.ndarray, shape (m, M)
+        Innovation of the last update, with S, shape (m, m, M), as moments of the mixture of the filters' predicted measurements.
 
     Raises
     ------

@@ -35,9 +35,12 @@ class EnsembleVariableDimensionKF(OneAPrediction, MatrixEnsemble):
     Attributes
     ----------
     manoeuvring : numpy.ndarray of bool, shape (M,)
-    x (3 axes, M), P (3 axes, 3 axes, M) : state with acceleration; at rest what it was when the last manoeuvre ended
-    y (axes, M), S (axes, axes, M) : innovation of the measurement and its covariance, by the model that predicted it
-    estimate (2 axes, M), estimate_P (2 axes, 2 axes, M) : position and velocity, of whichever model is in force
+    x : numpy.ndarray, shape (3 axes, M)
+        State with acceleration, with its covariance P, shape (3 axes, 3 axes, M); at rest what it was when the last manoeuvre ended.
+    y : numpy.ndarray, shape (axes, M)
+        Innovation of the measurement, with its covariance S, shape (axes, axes, M), by the model that predicted it.
+    estimate : numpy.ndarray, shape (2 axes, M)
+        Position and velocity, of whichever model is in force, with the covariance estimate_P, shape (2 axes, 2 axes, M).
     """
 
     _by_run = (*MatrixEnsemble._by_run, "estimate", "estimate_P", "manoeuvring", "statistic", "_past", "_full", "_significance")
@@ -125,9 +128,12 @@ class EnsembleIMM(MatrixEnsemble):
     ----------
     mu : numpy.ndarray, shape (2, M)
         Probability of rest and of manoeuvre.
-    x (3 axes, M), P (3 axes, 3 axes, M) : of the mixture
-    y (axes, M), S (axes, axes, M) : innovation of the mixture's prediction and its covariance
-    estimate (2 axes, M), estimate_P (2 axes, 2 axes, M) : its position and velocity
+    x : numpy.ndarray, shape (3 axes, M)
+        Of the mixture, with its covariance P, shape (3 axes, 3 axes, M).
+    y : numpy.ndarray, shape (axes, M)
+        Innovation of the mixture's prediction, with its covariance S, shape (axes, axes, M).
+    estimate : numpy.ndarray, shape (2 axes, M)
+        Its position and velocity, with the covariance estimate_P, shape (2 axes, 2 axes, M).
     """
 
     _by_run = (*MatrixEnsemble._by_run, "mu", "_xs", "_Ps")

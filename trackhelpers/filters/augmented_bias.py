@@ -80,9 +80,12 @@ class AugmentedBiasKF(MatrixKF):
 
     Attributes
     ----------
-    x (2n,), P (2n, 2n) : of the augmented state
-    estimate (n,), estimate_P (n, n) : of X, (23)
-    bias (n,) : Λ
+    x : numpy.ndarray, shape (2n,)
+        The augmented state; P, shape (2n, 2n), is its covariance.
+    estimate : numpy.ndarray, shape (n,)
+        Of X, (23); estimate_P, shape (n, n), is its covariance.
+    bias : numpy.ndarray, shape (n,)
+        Λ.
 
     Raises
     ------
@@ -107,7 +110,7 @@ class AugmentedBiasKF(MatrixKF):
 
     @property
     def estimate(self):
-        """Estimate of X, shape (n,): (23)."""
+        """Estimate of X, equation (23), shape (n,)."""
         return self._to_estimate @ self.x
 
     @property

@@ -61,13 +61,16 @@ class ManoeuvreIMM(OneTarget, IMMEstimator):
     ----------
     mu : numpy.ndarray, shape (2,)
         Probability of rest and of manoeuvre.
-    x (3 axes,), P : of the mixture
-    y, S : innovation of the mixture's prediction and its covariance
+    x : numpy.ndarray, shape (3 axes,)
+        Of the mixture, with its covariance P.
+    y : numpy.ndarray, shape (axes,)
+        Innovation of the mixture's prediction, with its covariance S.
     likelihood : numpy.ndarray, shape (2,)
         Of the last measurement under each model, up to a common factor; 1 where nothing was measured.
     log_likelihood : float
         Of the last measurement under both.
-    estimate (2 axes,), estimate_P : position and velocity of the mixture
+    estimate : numpy.ndarray, shape (2 axes,)
+        Position and velocity of the mixture, with the covariance estimate_P.
 
     Raises
     ------

@@ -36,7 +36,8 @@ class MotionIMM(OneTarget, IMMEstimator):
 
     Attributes
     ----------
-    x (c,), P (c, c) : of the mixture, in the common components
+    x : numpy.ndarray, shape (c,)
+        Of the mixture, in the common components, with its covariance P, shape (c, c).
     mu : numpy.ndarray, shape (N,)
         Probability of each model, after `predict` too.
 

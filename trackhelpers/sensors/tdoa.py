@@ -155,7 +155,8 @@ class TDOA(StationDifferences):
     Example: a ship under three satellites, of which at time t the second saw nothing::
 
         tdoa = TDOA(24.0, satellites, Ellipsoid(), model.state)
-        kf.update(z[:1], TDOA(24.0, satellites, Ellipsoid(), model.state, rows=(1,)).at(t))
+        first = TDOA(24.0, satellites, Ellipsoid(), model.state, rows=(1,))
+        kf.update(z[:1], first.at(t))
     """
 
     letter = "d"

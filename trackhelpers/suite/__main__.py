@@ -1,10 +1,10 @@
-"""Command line of the suite: ``python -m trackhelpers.suite refresh [notebook …]``, ``… readme``, ``… links``, ``… book`` and ``… lab``."""
+"""Command line of the suite: ``python -m trackhelpers.suite refresh [notebook …]``, ``… readme``, ``… links``, ``… book``, ``… student`` and ``… lab``."""
 
 import argparse
 import sys
 from pathlib import Path
 
-from trackhelpers.suite import NOTEBOOKS, ROOT, book, lab, notebooks, readme, records, written
+from trackhelpers.suite import NOTEBOOKS, ROOT, book, lab, notebooks, readme, records, student, written
 from trackhelpers.suite.run import NotebookError, run
 
 
@@ -33,6 +33,7 @@ def main(arguments=None):
         "links", help="list the written pages' links to rows that are not asked, and the questions that no page of a paper reaches"
     )
     commands.add_parser("book", help="run every notebook afresh and build the web book")
+    commands.add_parser("student", help="copy the notebooks without the solutions of their exercises to build/student")
     commands.add_parser("lab", help="open the notebooks in JupyterLab, and store what is saved there in the project's form", add_help=False)
     options, more = parser.parse_known_args(arguments)
     if more and options.command != "lab":
@@ -41,6 +42,8 @@ def main(arguments=None):
         check_checkout(Path.cwd())
         if options.command == "book":
             print(f"The book is built, open {book.build()}")
+        elif options.command == "student":
+            print(f"Without solutions: {student.copy()}")
         elif options.command == "readme":
             records.write()
             written.write()

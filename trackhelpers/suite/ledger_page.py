@@ -72,7 +72,7 @@ def by_number(places):
             links = []
             for key in sorted(keys, key=lambda key: [int(part) for part in key[2].split(".")]):
                 notebook, id = places[key]
-                text = f"({key[2]})" if kind == "Equation" else f"{kind} {key[2]}"
+                text = f"({key[2]})" if kind == "Equation" else f"{kind}&nbsp;{key[2]}"
                 links.append(f'<a href="{notebook}.html#row-{id}">{text}</a>')
             if links:
                 lines += ["", f"**{kind}s:** " + " · ".join(links)]
@@ -90,7 +90,7 @@ def ledger_page(ledger):
     )
     return f"""# The ledger
 
-Every question that was put to the papers, with what came out. The first link of a row leads to the place in a notebook where it is settled, the last one to its rule and history.
+Every question that was put to the papers and to real targets, with what came out: what the paper prints, or the bound of our rule where it prints no number, and what we found. The first link of a row leads to the place in a notebook where it is settled, the last one to its rule and history.
 
 ```{{raw}} html
 <form id="ledger-filter" onsubmit="return false"><label>search <input id="ledger-search" type="search" placeholder="Table 9, NEES, gain …"></label>{selects}
@@ -111,13 +111,19 @@ def _select(name, label, options):
 def _row(row):
     ours = escape(shown(row)) + (f" [{short(row['low'])}, {short(row['high'])}]" if row["low"] else "")
     paper, page = row["notebook"].split("/")[0], row["notebook"].replace("/", "__", 1)
-    parts = [f"paper: {escape(row['paper'])}" if row["paper"] else "", f"ours: {ours}" if ours else "", escape(row["note"])]
+    parts = [_asked(row["paper"]), f"ours: {ours}" if ours else "", escape(row["note"])]
     return (
         f'<li data-p="{paper}" data-v="{row["verdict"]}" data-k="{row["kind"]}">'
         f'<a href="{row["notebook"]}.html#row-{row["id"]}">{escape(row["where"])}</a> {_formulas(escape(row["quantity"]))} '
         f"<b>{MARKS[row['verdict']]}</b> <small>{_formulas('; '.join(filter(None, parts)))} "
         f'<a href="results/{page}.html#{row["id"]}">{row["notebook"]}: {row["id"]}</a></small></li>'
     )
+
+
+def _asked(text):
+    """What stands in the paper, or, where that is no number, the bound that our rule sets."""
+    bound = re.match(r"[<>=]|in [\[(]", text)
+    return f"{'rule' if bound else 'paper'}: {escape(text)}" if text else ""
 
 
 def _formulas(text):

@@ -46,13 +46,12 @@ def symbols_page(rows=None):
             "",
             f"## {group}",
             "",
-            "| symbol | meaning | unit | in the code | in filterpy | in Chinese | papers |",
-            "|" + " --- |" * 7,
+            "| symbol | meaning (unit) | in the code | in filterpy | in Chinese | papers |",
+            "|" + " --- |" * 6,
         ]
         for row in rows:
             if row["group"] == group:
                 code, filterpy = (", ".join(f"`{name}`" for name in row[column]) for column in ("code", "filterpy"))
-                lines.append(
-                    f"| {row['symbol']} | {row['meaning']} | {row['unit']} | {code} | {filterpy} | {row['chinese']} | {row['papers']} |"
-                )
+                meaning = row["meaning"] + (f" ({row['unit']})" if row["unit"] else "")
+                lines.append(f"| {row['symbol']} | {meaning} | {code} | {filterpy} | {row['chinese']} | {row['papers']} |")
     return "\n".join(lines) + "\n"

@@ -11,6 +11,7 @@ __all__ = ["faults", "statements", "words"]
 MOST_STATEMENTS, MEDIAN_STATEMENTS, LINE, MOST_WORDS = 15, 6, 82, 3800
 
 _LEDGER = re.compile(r"(?<![\w.])ledger\.")
+_FIGURE = re.compile(r"\bplots\.show\(|\bPlayground\(")
 _NOT_WORDS = re.compile(
     r"```.*?```|\$\$.*?\$\$|\$[^$\n]+\$|^[ \t]*\|[^\n]*\|[ \t]*$|</?[a-zA-Z][^>\n]*>|\]\([^)]*\)", re.DOTALL | re.MULTILINE
 )
@@ -31,7 +32,7 @@ def words(notebook):
 def faults(notebook):
     """Return what keeps a notebook from its form, a line of text each.
 
-    Open code cells have at most 15 statements, figures (`plots.show`) excepted, and 6 in the median; lines have at most 82 characters; a cell shows at most one figure; the ledger is
+    Open code cells have at most 15 statements, figures (`plots.show`, `Playground`) excepted, and 6 in the median; lines have at most 82 characters; a cell shows at most one figure; the ledger is
     spoken to in the first code cell, the last one, and at most one folded cell a section (tag ``hide-cell``, ``jupyter.source_hidden``); the text has at most 3800 words.
     """
     found, counts, sections = [], [], []
@@ -45,7 +46,7 @@ def faults(notebook):
             continue
         tags = cell.metadata.get("tags", [])
         folded = {"hide-cell", "hide-input"} & set(tags)
-        figures, count = cell.source.count("plots.show("), statements(cell.source)
+        figures, count = len(_FIGURE.findall(cell.source)), statements(cell.source)
         wide = max((len(line) for line in cell.source.splitlines()), default=0)
         if wide > LINE:
             found.append(f"cell {cell.id} has a line of {wide} characters, expected at most {LINE}")
