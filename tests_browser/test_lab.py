@@ -59,10 +59,9 @@ def test_run_all_play_and_save_change_no_file(page, lab, checkout):
     for _ in range(3):
         page.keyboard.press("ArrowRight")
     assert slider.evaluate(DRAWN) != before and slider.evaluate("input => document.activeElement === input")
-    notebook = checkout / "notebooks" / NOTEBOOK
-    stamp = notebook.stat().st_mtime_ns
-    choose(page, "File", "Save Notebook")
-    wait(page, "the notebook saved", lambda: notebook.stat().st_mtime_ns != stamp, 30)
+    with page.expect_response(lambda answer: answer.request.method == "PUT" and "/api/contents/" in answer.url) as saved:
+        choose(page, "File", "Save Notebook")
+    assert saved.value.ok
     changed = subprocess.run(["git", "status", "--porcelain"], cwd=checkout, check=True, capture_output=True, text=True).stdout
     assert changed == "", subprocess.run(["git", "diff"], cwd=checkout, capture_output=True, text=True).stdout[:3000]
 
