@@ -9,7 +9,8 @@ from typing import NamedTuple
 import numpy as np
 from scipy.linalg import solve_discrete_are, solve_discrete_lyapunov
 
-from trackhelpers.arrays import all_finite, check_array, check_covariance, check_matrix, symmetrised
+from trackhelpers.arrays import check_array, check_covariance, check_matrix, symmetrised
+from trackhelpers.by_step import check_by_step, check_finite, check_size, check_system
 from trackhelpers.checks import check_count, check_number, check_numbers, check_positive
 from trackhelpers.model import check_model
 
@@ -65,7 +66,7 @@ def gains(F, H, Q, R, P0, steps, joseph=True):
         For shapes that do not fit, numbers that are not finite, a Q, R or P0 that is no covariance, and a singular H P⁻ Hᵀ + R.
     """
     steps = check_count(steps, "steps", 0)
-    F, H, Q, R = _system(F, H, Q, R, steps)
+    F, H, Q, R = check_system(F, H, Q, R, steps)
     n, m = F.shape[1], R.shape[1]
     prior, S, K, A, P = (np.empty((steps, *shape)) for shape in ((n, n), (m, m), (n, m), (n, n), (n, n)))
     P = np.concatenate([check_covariance(P0, "P0", n)[None], P])
@@ -111,10 +112,10 @@ def errors(F, A, K, R, d=None, Q=None, bias0=None, covariance0=None):
     if check_numbers(K, "K").ndim != 3:
         raise ValueError(f"K: expected shape (n, m, N), a gain for each step, got {np.shape(K)}")
     n, m, steps = np.shape(K)
-    A, K, F = _by_step(A, "A", (n, n), steps), _by_step(K, "K", (n, m), steps), _by_step(F, "F", (n, n), steps)
-    R = _by_step(R, "R", (m, m), steps, covariance=True)
-    Q = _by_step(np.zeros((n, n)) if Q is None else Q, "Q", (n, n), steps, covariance=True)
-    d = _finite(np.zeros((n, steps)) if d is None else check_array(d, "d", n, (steps,)), "d")
+    A, K, F = check_by_step(A, "A", (n, n), steps), check_by_step(K, "K", (n, m), steps), check_by_step(F, "F", (n, n), steps)
+    R = check_by_step(R, "R", (m, m), steps, covariance=True)
+    Q = check_by_step(np.zeros((n, n)) if Q is None else Q, "Q", (n, n), steps, covariance=True)
+    d = check_finite(np.zeros((n, steps)) if d is None else check_array(d, "d", n, (steps,)), "d")
     bias, C = np.zeros((steps + 1, n)), np.zeros((steps + 1, n, n))
     if bias0 is not None:
         bias[0] = check_array(bias0, "bias0", n, ())
@@ -165,7 +166,7 @@ def exact_error(model, sensor, truth, dt, x0, P0, error0=None):
             raise ValueError(f"{name}: expected a linear one, for which the gain does not depend on the data, got {value!r}")
     if tuple(sensor.state) != tuple(model.state):
         raise ValueError(f"sensor: expected one made for the state {tuple(model.state)}, got one for {tuple(sensor.state)}")
-    truth = _finite(check_array(truth, "truth", model.n), "truth")
+    truth = check_finite(check_array(truth, "truth", model.n), "truth")
     if truth.ndim != 2 or truth.shape[1] == 0:
         raise ValueError(f"truth: expected shape ({model.n}, N) with N ≥ 1, got {truth.shape}")
     start = check_array(x0, "x0", model.n, ()) - truth[:, 0]
@@ -194,7 +195,7 @@ def steady_state(F, H, Q, R):
     ValueError
         As for `gains`, and where there is no steady state or the equation is too ill-conditioned to be solved.
     """
-    F, H, Q, R = (matrix[0] for matrix in _system(F, H, Q, R, 1))
+    F, H, Q, R = (matrix[0] for matrix in check_system(F, H, Q, R, 1))
     check_covariance(R, "R", len(R), definite=True)
     try:
         prior = solve_discrete_are(F.T, H.T, Q, R)
@@ -215,11 +216,11 @@ def steady_errors(F, A, K, R, d=None, Q=None):
 
     Parameters are those of `errors` without the axis of the steps, d of shape (n,). ValueError where A F does not damp every error.
     """
-    n, m = _size(F, "F"), _size(R, "R")
-    A, K, R = _by_step(A, "A", (n, n), 1)[0], _by_step(K, "K", (n, m), 1)[0], check_covariance(R, "R", m)
+    n, m = check_size(F, "F"), check_size(R, "R")
+    A, K, R = check_by_step(A, "A", (n, n), 1)[0], check_by_step(K, "K", (n, m), 1)[0], check_covariance(R, "R", m)
     Q = np.zeros((n, n)) if Q is None else check_covariance(Q, "Q", n)
     d = np.zeros(n) if d is None else check_array(d, "d", n, ())
-    loop = A @ _by_step(F, "F", (n, n), 1)[0]
+    loop = A @ check_by_step(F, "F", (n, n), 1)[0]
     if (radius := np.abs(np.linalg.eigvals(loop)).max()) >= 1:
         raise ValueError(f"A, F: expected A F to damp every error, got a spectral radius of {radius:.6g}")
     return -np.linalg.solve(np.eye(n) - loop, A @ d), solve_discrete_lyapunov(loop, A @ Q @ A.T + K @ R @ K.T, method="direct")
@@ -245,34 +246,3 @@ def steady_lag(index, a=1.0, dt=1.0):
     a, dt = check_number(a, "a"), check_positive(dt, "dt", "a time step > 0, seconds as a number")
     alpha, beta = alpha_beta(index)
     return -(1 - alpha) * a * dt**2 / beta, -(alpha / beta - 0.5) * a * dt
-
-
-def _system(F, H, Q, R, steps):
-    n, m = _size(F, "F"), _size(R, "R")
-    kinds = (F, "F", (n, n), False), (H, "H", (m, n), False), (Q, "Q", (n, n), True), (R, "R", (m, m), True)
-    return [_by_step(value, name, shape, steps, covariance) for value, name, shape, covariance in kinds]
-
-
-def _size(value, name):
-    shape = check_numbers(value, name).shape
-    if len(shape) not in (2, 3) or 0 in shape[:2]:
-        raise ValueError(f"{name}: expected a square matrix, or one a step, got shape {shape}")
-    return shape[-2]  # whichever way it carries the steps
-
-
-def _by_step(value, name, shape, steps, covariance=False):
-    """A constant matrix, or one a step, as an array (steps, *shape)."""
-    matrix = _finite(check_array(value, name, None), name)
-    listed = isinstance(value, (list, tuple)) and len(value) > 0 and np.ndim(value[0]) == 2
-    matrix = np.moveaxis(matrix, -1, 0) if matrix.ndim == 3 and not listed else matrix
-    if matrix.shape not in (shape, (steps, *shape)):
-        raise ValueError(f"{name}: expected shape {shape}, or {steps} of them, got {np.shape(value)}")
-    if covariance:
-        check_covariance(np.moveaxis(np.reshape(matrix, (-1, *shape)), 0, -1), name, shape[0], matrix.size // (shape[0] * shape[1]))
-    return np.broadcast_to(matrix, (steps, *shape))
-
-
-def _finite(array, name):
-    if not all_finite(array):
-        raise ValueError(f"{name}: expected finite numbers, got {np.count_nonzero(~np.isfinite(array))} that are not")
-    return array

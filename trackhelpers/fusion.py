@@ -10,9 +10,10 @@ Units do not matter: what is singular is decided in units of the standard deviat
 
 import numpy as np
 
-from trackhelpers.angles import wrap, wrap_rows
+from trackhelpers.angles import wrap_rows
 from trackhelpers.arrays import cholesky, congruence, inverse, matmul, matvec, solve_lower, symmetrised, transpose
-from trackhelpers.checks import all_finite, check_angles, check_array, check_covariance, check_matrix, deviations
+from trackhelpers.checks import all_finite, check_array, check_covariance, check_matrix, deviations
+from trackhelpers.tracks import alike, check_cross, check_estimates, check_listed, check_tracks, check_tracks_and_covariances, runs_of
 
 _ROUNDING = 1e-12  # of a variance, in units of what it is the difference of
 
@@ -37,7 +38,7 @@ def convex_combination(xs, Ps, angles=()):
     ValueError
         No track, lists of different length, shapes that do not fit, a P that is not positive definite.
     """
-    xs, Ps = _tracks(*_named("xs", xs, "Ps", Ps), angles)
+    xs, Ps = check_tracks(*check_tracks_and_covariances("xs", xs, "Ps", Ps), angles)
     weights = [inverse(P) for P in Ps]
     P = inverse(sum(weights))
     x = matvec(P, sum(matvec(weight, x) for weight, x in zip(weights, xs, strict=True)))
@@ -69,8 +70,8 @@ def bar_shalom_campo(x1, P1, x2, P2, P12, angles=()):
     ValueError
         Shapes that do not fit, numbers that are not finite, or P12 so large that the joint covariance is indefinite.
     """
-    (x1, x2), (P1, P2) = _tracks([x1, x2], [P1, P2], ["x1", "x2"], ["P1", "P2"], angles, definite=False)
-    P1, P2, P12 = _alike(P1, P2, _cross(P12, "P12", len(x1), _runs([x1])))
+    (x1, x2), (P1, P2) = check_tracks([x1, x2], [P1, P2], ["x1", "x2"], ["P1", "P2"], angles, definite=False)
+    P1, P2, P12 = alike(P1, P2, check_cross(P12, "P12", len(x1), runs_of([x1])))
     P21 = transpose(P12)
     joint = np.concatenate([np.concatenate([P1, P12], axis=1), np.concatenate([P21, P2], axis=1)])
     check_covariance(joint, "P12, with P1 and P2 as the joint covariance", len(joint), *joint.shape[2:])
@@ -103,8 +104,8 @@ def maximum_likelihood(xs, P_joint, angles=()):
     ValueError
         No track, shapes that do not fit, a joint covariance that is not one.
     """
-    xs = _listed(xs, "xs")
-    xs = _estimates(xs, [f"xs[{i}]" for i in range(len(xs))], angles)
+    xs = check_listed(xs, "xs")
+    xs = check_estimates(xs, [f"xs[{i}]" for i in range(len(xs))], angles)
     n, N = len(xs[0]), len(xs)
     joint = check_covariance(P_joint, "P_joint", n * N)
     variances = joint.diagonal().reshape(N, n)
@@ -143,7 +144,7 @@ def covariance_intersection(x1, P1, x2, P2, angles=()):
     ValueError
         Shapes that do not fit, or a P that is not positive definite.
     """
-    (x1, x2), (P1, P2) = _tracks([x1, x2], [P1, P2], ["x1", "x2"], ["P1", "P2"], angles)
+    (x1, x2), (P1, P2) = check_tracks([x1, x2], [P1, P2], ["x1", "x2"], ["P1", "P2"], angles)
     first, second = inverse(P1), inverse(P2)
     ratios = np.linalg.svd(_last(solve_lower(cholesky(P1), cholesky(P2))), compute_uv=False) ** 2 - 1
     low, high = np.zeros(ratios.shape[:-1]), np.ones(ratios.shape[:-1])
@@ -182,12 +183,15 @@ def information_fusion(x_prior, P_prior, xs, Ps, x_priors, P_priors, angles=()):
     ValueError
         As for `convex_combination`, and where the tracks' predictions are so sure that less than nothing would be left.
     """
-    after, before = _named("xs", xs, "Ps", Ps), _named("x_priors", x_priors, "P_priors", P_priors)
+    after, before = (
+        check_tracks_and_covariances("xs", xs, "Ps", Ps),
+        check_tracks_and_covariances("x_priors", x_priors, "P_priors", P_priors),
+    )
     N = len(after[0])
     if len(before[0]) != N:
         raise ValueError(f"x_priors: expected {N} tracks, as in xs, got {len(before[0])}")
     fused = [x_prior], [P_prior], ["x_prior"], ["P_prior"]
-    xs, Ps = _tracks(*(a + b + c for a, b, c in zip(fused, after, before, strict=True)), angles)
+    xs, Ps = check_tracks(*(a + b + c for a, b, c in zip(fused, after, before, strict=True)), angles)
     weights = [inverse(P) for P in Ps]
     states = [matvec(weight, x) for weight, x in zip(weights, xs, strict=True)]
     information, state = weights[0], states[0]
@@ -232,57 +236,6 @@ def cross_covariance(P12, F, Q, K1, H1, K2, H2):
         H = check_matrix(H, f"H{name}", (None, n))
         kept.append(np.eye(n) - check_matrix(K, f"K{name}", (n, len(H))) @ H)
     return kept[0] @ (congruence(F, P12) + Q) @ kept[1].T
-
-
-def _named(x_name, xs, P_name, Ps):
-    """Lists of estimates and covariances, as many of the one as of the other, and their names in messages."""
-    xs, Ps = _listed(xs, x_name), _listed(Ps, P_name)
-    if len(Ps) != len(xs):
-        raise ValueError(f"{P_name}: expected {len(xs)} covariances, one a track, got {len(Ps)}")
-    return xs, Ps, [f"{x_name}[{i}]" for i in range(len(xs))], [f"{P_name}[{i}]" for i in range(len(xs))]
-
-
-def _listed(values, name):
-    if not isinstance(values, (list, tuple, np.ndarray)):
-        raise ValueError(f"{name}: expected a sequence, one a track, got {values!r}")
-    return list(values)
-
-
-def _estimates(xs, names, angles):
-    """Checked estimates, all (n,) or all (n, M), their angular components within half a turn of the first one's."""
-    if not xs:
-        raise ValueError("xs: expected at least one track, got an empty list")
-    first = check_array(xs[0], names[0], None)
-    xs = [first, *(check_array(x, name, len(first)) for x, name in zip(xs[1:], names[1:], strict=True))]
-    if any(x.shape != first.shape or x.ndim > 2 for x in xs):
-        raise ValueError(f"{', '.join(names)}: expected estimates that are all (n,) or all (n, M), got {[x.shape for x in xs]}")
-    rows = list(check_angles(angles, len(first)))
-    if rows:
-        xs = [np.array(x) for x in xs]
-        for x in xs[1:]:
-            x[rows] = first[rows] + wrap(x[rows] - first[rows])
-    return xs
-
-
-def _tracks(xs, Ps, x_names, P_names, angles, definite=True):
-    """Checked estimates, as `_estimates` returns them, and covariances."""
-    xs = _estimates(xs, x_names, angles)
-    return xs, _alike(*(check_covariance(P, name, len(xs[0]), _runs(xs), definite) for P, name in zip(Ps, P_names, strict=True)))
-
-
-def _runs(xs):
-    """Number of runs among the estimates, None for one target."""
-    return xs[0].shape[1] if xs[0].ndim == 2 else None
-
-
-def _cross(value, name, n, runs):
-    return check_matrix(value, name, (n, n) if runs is None or np.ndim(value) == 2 else (n, n, runs))
-
-
-def _alike(*matrices):
-    """The matrices, all with a run axis if any has one."""
-    dims = max(A.ndim for A in matrices)
-    return np.broadcast_arrays(*[A if A.ndim == dims else A[..., None] for A in matrices])
 
 
 def _last(A):
