@@ -10,6 +10,7 @@ import numpy as np
 from matplotlib.ticker import MaxNLocator
 from scipy.stats import chi2
 
+from .checks import check_covariance, check_probability, check_vector
 from .plots import COLOURS
 
 __all__ = ["DASHES", "Ellipse", "Panel", "reduced"]
@@ -22,9 +23,14 @@ _CIRCLE = [(math.cos(math.pi * k / 24), math.sin(math.pi * k / 24)) for k in ran
 
 
 class Ellipse(tuple):
-    """The ellipse that holds a share `probability` of a Gaussian: ((mean, factor of cosine, of sine) of x, the same of y)."""
+    """The ellipse that holds a share `probability` of a Gaussian: ((mean, factor of cosine, of sine) of x, the same of y).
+
+    ValueError for a mean that is not two numbers, a P (2, 2) that is not positive definite, and what is no probability.
+    """
 
     def __new__(cls, mean, P, probability=0.95):
+        mean, P = check_vector(mean, "mean", 2), check_covariance(P, "P", 2, definite=True)
+        check_probability(probability, "probability")
         L = np.linalg.cholesky(P) * math.sqrt(chi2.ppf(probability, 2))
         return super().__new__(cls, ((mean[0], L[0, 0], 0.0), (mean[1], L[1, 0], L[1, 1])))
 

@@ -15,6 +15,7 @@ from urllib.parse import quote
 import numpy as np
 from IPython.display import Markdown, display
 
+from .checks import check_choice, check_number, check_numbers, check_positive, check_vector
 from .panels import DASHES, Ellipse, Panel, reduced
 from .plots import COLOURS
 
@@ -38,22 +39,35 @@ class Playground:
     Raises
     ------
     ValueError
-        For no slider, or more than two.
+        For no slider, or more than two, values that are no finite numbers, and a function that returns something else.
     """
 
     def __init__(self, function, **sliders):
+        if not callable(function):
+            raise ValueError(f"function: expected a function of the sliders' numbers, got {function!r}")
         if not 1 <= len(sliders) <= 2:
             raise ValueError(f"sliders are {list(sliders)}, expected one or two")
         self.function = function
-        self.sliders = {name: [float(f"{value:.6g}") for value in values] for name, values in sliders.items()}
+        self.sliders = {name: [float(f"{value:.6g}") for value in _some(values, name)] for name, values in sliders.items()}
         self.start = [len(values) // 2 for values in self.sliders.values()]
         self.labels = {name: name.replace("_", " ") for name in sliders}
-        self.grid = [function(**dict(zip(sliders, point, strict=True))) for point in itertools.product(*self.sliders.values())]
+        self.grid = [_curves(function(**dict(zip(sliders, point, strict=True)))) for point in itertools.product(*self.sliders.values())]
+        if any(set(point) != set(self.grid[0]) for point in self.grid):
+            raise ValueError(f"function: expected the same curves at all values, {list(self.grid[0])} and no others")
         self.said = [_said(point) for point in self.grid]
         self.panels, self.traces = [], []
 
     def begin(self, label=None, **starts):
-        """Say with which value a slider begins, and how it is called on the page: ``begin("σ_a (m/s²)", sigma_a=1.0)``; return the playground."""
+        """Say with which value a slider begins, and how it is called on the page: ``begin("σ_a (m/s²)", sigma_a=1.0)``; return the playground.
+
+        ValueError for a slider that is not there, and what is no number or no text.
+        """
+        for name, value in starts.items():
+            if name not in self.sliders:
+                raise ValueError(f"{name}: expected one of the sliders {list(self.sliders)}")
+            check_number(value, name)
+        if label is not None:
+            _text(label, "label")
         for name, value in starts.items():
             self.start[list(self.sliders).index(name)] = int(np.argmin(np.abs(np.array(self.sliders[name]) - value)))
             self.labels[name] = label or self.labels[name]
@@ -79,14 +93,21 @@ class Playground:
         Raises
         ------
         ValueError
-            For a curve that the function does not return, or another colour or dash.
+            For a curve that the function does not return, another colour or dash, and what is no text, no range or no number.
         """
+        for name, text in (("xlabel", xlabel), ("ylabel", ylabel)):
+            _text(text, name)
+        if not isinstance(curves, dict) or not curves:
+            raise ValueError(f"curves: expected a dictionary of names and looks, got {curves!r}")
+        xlim, ylim = (limits if limits is None else _range(limits, name) for name, limits in (("xlim", xlim), ("ylim", ylim)))
+        check_choice(log, "log", ("", "x", "y", "xy"))
+        check_positive(height, "height")
         for name, look in curves.items():
-            colour, _, dash = look.partition(" ")
+            colour, _, dash = _text(look, f"curves[{name!r}]").partition(" ")
             if colour not in COLOURS or dash not in DASHES:
-                raise ValueError(f"curve {name!r} is {look!r}, expected a colour out of {list(COLOURS)} and a dash out of {list(DASHES)}")
+                raise ValueError(f"curves: {name!r} is {look!r}, expected a colour out of {list(COLOURS)} and a dash out of {list(DASHES)}")
             if name not in self.grid[0]:
-                raise ValueError(f"curve {name!r} is none of the function's, which are {list(self.grid[0])}")
+                raise ValueError(f"curves: {name!r} is none of those of the function, expected some of {list(self.grid[0])}")
         grid, looks, every = self.grid, curves, len(self.grid) // len(next(iter(self.sliders.values())))
         if trace:
             grid = [_traced(curves, grid[k % every :: every], now) for k, now in enumerate(grid)]
@@ -103,9 +124,6 @@ class Playground:
         ValueError
             For a number or a caption that is no text, and a page of more than 60 kB.
         """
-        for name, text in (("number", number), ("caption", caption)):
-            if not isinstance(text, str) or not text.strip():
-                raise ValueError(f"{name} is {text!r}, expected text")
         page = self.html(number, caption)
         if len(page.encode()) > LIMIT:
             raise ValueError(f"the playground takes {len(page.encode())} bytes, expected at most {LIMIT}: fewer points or values will do")
@@ -113,7 +131,9 @@ class Playground:
         display(Markdown(f"**Figure {number}.** {' '.join(caption.split())}"))
 
     def html(self, number, caption):
-        """Return the page of the playground: pictures, numbers and script."""
+        """Return the page of the playground: pictures, numbers and script. ValueError for a number or a caption that is no text."""
+        for name, text in (("number", number), ("caption", caption)):
+            _text(text, name)
         shape = [len(values) for values in self.sliders.values()]
         first = int(np.ravel_multi_index(self.start, shape))
         sliders = [
@@ -145,7 +165,13 @@ class Playground:
         ----------
         **ranges : (low, high)
             Parameter of the function, also one that has no slider on the page -> what it may be.
+
+        Raises
+        ------
+        ValueError
+            For a range that is not two numbers, the lower one first.
         """
+        ranges = {name: _range(limits, name) for name, limits in ranges.items()}
         import ipywidgets  # nothing of it is needed before somebody plays
 
         held = {name: values[start] for (name, values), start in zip(self.sliders.items(), self.start, strict=True)}
@@ -167,6 +193,43 @@ class Playground:
             slider.observe(draw, "value")
         draw()
         return ipywidgets.VBox([*moved.values(), picture])
+
+
+def _text(value, name):
+    if not isinstance(value, str) or not value.strip():
+        raise ValueError(f"{name} is {value!r}, expected text")
+    return value
+
+
+def _some(values, name):
+    values = check_vector(values, name)
+    if not values.size:
+        raise ValueError(f"{name}: expected at least one value, got an empty list")
+    return values
+
+
+def _range(limits, name):
+    low, high = check_vector(limits, name, 2).tolist()
+    if low >= high:
+        raise ValueError(f"{name}: expected two numbers, the lower one first, got {limits!r}")
+    return low, high
+
+
+def _curves(point):
+    """What the function returned; ValueError unless it is a dictionary of curves."""
+    if not isinstance(point, dict):
+        raise ValueError(f"function: expected it to return a dictionary of curves, got {point!r}")
+    for name, curve in point.items():
+        if name == "say":
+            if not isinstance(curve, str):
+                raise ValueError(f"function: expected text under 'say', got {curve!r}")
+        elif not isinstance(curve, Ellipse):
+            if not isinstance(curve, (tuple, list, np.ndarray)) or len(curve) != 2:
+                raise ValueError(f"function: expected curve {name!r} to be (x, y) or an Ellipse, got {curve!r}")
+            x, y = (check_numbers(v, f"{xy} of the function's curve {name!r}") for xy, v in zip("xy", curve, strict=True))
+            if x.shape != y.shape:
+                raise ValueError(f"function: expected x and y of curve {name!r} of one length, got {x.shape} and {y.shape}")
+    return point
 
 
 def _words_and_numbers(texts):

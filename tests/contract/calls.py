@@ -4,7 +4,7 @@
 class Call:
     """A valid call: a function, or `on` (a fresh object and its method's name), and its arguments, kinds of `bad_inputs`."""
 
-    def __init__(self, function, **arguments):
+    def __init__(self, function, /, **arguments):
         self.function, self.arguments = function, arguments
 
     def prepared(self):

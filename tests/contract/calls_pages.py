@@ -8,7 +8,7 @@ from bad_inputs import Choice, Count, Covariance, Each, Fixed, Number, Numbers, 
 from calls import Call, on
 from matplotlib.figure import Figure
 
-from trackhelpers import datasets, ledger, plots, published, recordings, reports, tables
+from trackhelpers import datasets, ledger, panels, play, plots, published, recordings, reports, tables
 from trackhelpers.ledger import files, numbers, questions
 from trackhelpers.published import thesis_chapter_3, thesis_chapter_4
 
@@ -33,11 +33,43 @@ def _printed(function, n=5, **more):
     return [Call(function, x=Numbers(X5[:n], gaps=True), dt=Scale(0.5), **more)]
 
 
+def playground():
+    return play.Playground(lambda rate: {"line": (T3, rate * T3)}, rate=[1.0, 2.0]).panel("x", "y", {"line": "blue -"})
+
+
 NUMBER = Number(0.5)
+RANGE = Numbers([1.0, 2.0], beyond=([2.0, 1.0], [1.0, 1.0]))
+LIMITS = Numbers([1.0, 2.0], beyond=([2.0, 1.0], [1.0, 1.0]), optional=True)
 CALLS = {
-    "tables.number": [Call(tables.number, value=Fixed(1.0), digits=Count(4))],
-    "tables.residual_text": [Call(tables.residual_text, value=Number(1e-12))],
-    "tables.as_printed": [Call(tables.as_printed, value=Number(0.5), text=Choice("0.50"))],
+    "panels.Ellipse": [
+        Call(panels.Ellipse, mean=Numbers([1.0, 2.0]), P=Covariance(np.eye(2), definite=True), probability=Probability(0.95))
+    ],
+    "play.Playground": [
+        Call(
+            lambda function: play.Playground(function, rate=[1.0]),
+            function=Wrong(lambda rate: {}, 3.0, None, lambda rate: T3, lambda rate: {"a": T3}),
+        ),
+        Call(lambda rate: play.Playground(lambda rate: {"a": (T3, T3)}, rate=rate), rate=Numbers(T3, free=True, beyond=([], np.eye(2)))),
+    ],
+    "play.Playground.begin": [Call(on(playground, "begin"), label=Wrong("rate", 3, "", b"rate"), rate=NUMBER)],
+    "play.Playground.panel": [
+        Call(
+            on(playground, "panel"),
+            xlabel=Text("x"),
+            ylabel=Text("y"),
+            curves=Wrong({"line": "blue -"}, None, "line", {}, {"line": 3}, {"line": "blue"}, {"other": "blue -"}),
+            xlim=LIMITS,
+            ylim=LIMITS,
+            log=Choice("x"),
+            height=Scale(250.0, zero=False),
+        )
+    ],
+    "play.Playground.html": [Call(on(playground, "html"), number=Text("1-1"), caption=Text("A line."))],
+    "play.Playground.show": [Call(on(playground, "show"), number=Text("1-1"), caption=Text("A line."))],
+    "play.Playground.free": [Call(on(playground, "free"), rate=RANGE)],
+    "numerals.number": [Call(tables.number, value=Fixed(1.0), digits=Count(4))],
+    "numerals.residual_text": [Call(tables.residual_text, value=Number(1e-12))],
+    "numerals.as_printed": [Call(tables.as_printed, value=Number(0.5), text=Choice("0.50"))],
     "tables.Table": [Call(tables.Table, data=Fixed({"a": T3}), digits=Count(4), formats=Fixed({"a": 3}))],
     "tables.error_table": [
         Call(tables.error_table, errors=Numbers(np.ones((2, 3)), free=True), names=Each(Fixed("x"), Fixed("y"), optional=True)),

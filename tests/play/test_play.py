@@ -132,7 +132,7 @@ def test_logarithmic_axes_are_stored_as_logarithms():
     [
         (lambda: Playground(curves), "expected one or two"),
         (lambda: Playground(curves, rate=[1], shift=[0], power=[1]), "expected one or two"),
-        (lambda: playground().panel("x", "y", {"nothing": "blue -"}), "none of the function's"),
+        (lambda: playground().panel("x", "y", {"nothing": "blue -"}), "none of those of the function"),
         (lambda: playground().panel("x", "y", {"still": "red -"}), "expected a colour"),
         (lambda: playground().panel("x", "y", {"still": "blue"}), "expected a colour"),
         (lambda: playground().show(1, "x"), "number is 1"),

@@ -4,6 +4,7 @@ The matrices are so small that a step is a matter of how many calls it takes. Wh
 """
 
 import os
+from functools import cache
 
 import numpy as np
 from scipy.linalg.lapack import dposv
@@ -11,27 +12,20 @@ from scipy.linalg.lapack import dposv
 from trackhelpers.arrays import symmetrised
 from trackhelpers.ensemble.base import QUIET
 
-try:
-    if os.environ.get("TRACKHELPERS_COMPILED") == "0":
-        raise ImportError
-    from numba import njit
-except ImportError:
-    njit = None
-
 LEAST_RUNS = 32  # below that, NumPy's products are as quick
 
 
 def predict(x, P, F, Q):
     """F x and F P Fᵀ + Q."""
-    if njit is not None and x.shape[1] >= LEAST_RUNS:
-        return _predict_compiled(*map(_plain, (x, P)), F, Q)
+    if x.shape[1] >= LEAST_RUNS and (compiled := _compiled()):
+        return compiled.predict(*map(_plain, (x, P)), F, Q)
     return F.dot(x), F.dot(P).dot(F.T) + Q
 
 
 def correct(x, P, z, H, R):
     """x, P, y, S and K of one update, P in Joseph's form as in `trackhelpers.ensemble.covariance.correct`; K is NaN where S is singular."""
-    if njit is not None and x.shape[1] >= LEAST_RUNS:
-        *corrected, positive = _correct_compiled(*map(_plain, (x, P, z)), H, R)
+    if x.shape[1] >= LEAST_RUNS and (compiled := _compiled()):
+        *corrected, positive = compiled.correct(*map(_plain, (x, P, z)), H, R)
         if positive:
             return corrected
     HP = H.dot(P)
@@ -51,56 +45,17 @@ def correct(x, P, z, H, R):
     return step, symmetrised(B - (B.dot(H.T) - K.dot(R)).dot(KT)), y, S, K
 
 
+@cache
+def _compiled():
+    """The module `shared_compiled`, or None without numba or with ``TRACKHELPERS_COMPILED=0`` in the environment."""
+    if os.environ.get("TRACKHELPERS_COMPILED") == "0":
+        return None
+    try:
+        from trackhelpers.ensemble import shared_compiled
+    except ImportError:
+        return None
+    return shared_compiled
+
+
 def _plain(array):
     return np.ascontiguousarray(array, dtype=float)
-
-
-if njit is not None:
-    compiled = njit(cache=True, error_model="numpy", fastmath={"contract"})
-
-    @compiled
-    def _add(C, sign, A, B):
-        """C ± A B in place."""
-        for i in range(A.shape[0]):
-            for k in range(A.shape[1]):
-                factor = sign * A[i, k]
-                if factor != 0.0:
-                    for r in range(np.uintp(B.shape[1])):
-                        C[i, r] += factor * B[k, r]
-        return C
-
-    @compiled
-    def _predict_compiled(x, P, F, Q):
-        return _add(np.zeros_like(x), 1.0, F, x), _add(Q.copy(), 1.0, _add(np.zeros_like(P), 1.0, F, P), F.T)
-
-    @compiled
-    def _correct_compiled(x, P, z, H, R):
-        """`correct`, and whether it found S positive definite."""
-        m = len(R)
-        HP = _add(np.zeros_like(H), 1.0, H, P)
-        S = _add(R.copy(), 1.0, HP, H.T)
-        L, KT = S.copy(), HP.copy()
-        for j in range(m):
-            if not L[j, j] > 0.0:
-                return x, P, z, S, KT.T, False
-            L[j, j] = np.sqrt(L[j, j])
-            for i in range(j + 1, m):
-                L[i, j] /= L[j, j]
-            for i in range(j + 1, m):
-                for c in range(j + 1, i + 1):
-                    L[i, c] -= L[i, j] * L[c, j]
-        for a in range(m):
-            for b in range(a):
-                KT[a] -= L[a, b] * KT[b]
-            KT[a] /= L[a, a]
-        for back in range(m):
-            a = m - 1 - back
-            for b in range(a + 1, m):
-                KT[a] -= L[b, a] * KT[b]
-            KT[a] /= L[a, a]
-        K = KT.T
-        B = _add(P.copy(), -1.0, K, HP)
-        slack = _add(_add(np.zeros(K.shape), 1.0, B, H.T), -1.0, K, R)
-        _add(B, -1.0, slack, KT)
-        y = _add(z.copy(), -1.0, H, x)
-        return _add(x.copy(), 1.0, K, y), 0.5 * (B + B.T), y, S, K, True
