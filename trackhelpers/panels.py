@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.ticker import MaxNLocator
 from scipy.stats import chi2
 
-from .checks import check_covariance, check_probability, check_vector
+from .checks import check_covariance, check_numbers, check_probability, check_vector
 from .plots import COLOURS
 
 __all__ = ["DASHES", "Ellipse", "Panel", "reduced"]
@@ -166,6 +166,23 @@ class Panel:
             found.append((name, x, row))
             x += wide
         return found
+
+
+def check_curves(point):
+    """What a playground's function returned; ValueError unless it is a dictionary of curves."""
+    if not isinstance(point, dict):
+        raise ValueError(f"function: expected it to return a dictionary of curves, got {point!r}")
+    for name, curve in point.items():
+        if name == "say":
+            if not isinstance(curve, str):
+                raise ValueError(f"function: expected text under 'say', got {curve!r}")
+        elif not isinstance(curve, Ellipse):
+            if not isinstance(curve, (tuple, list, np.ndarray)) or len(curve) != 2:
+                raise ValueError(f"function: expected curve {name!r} to be (x, y) or an Ellipse, got {curve!r}")
+            x, y = (check_numbers(v, f"{xy} of the function's curve {name!r}") for xy, v in zip("xy", curve, strict=True))
+            if x.shape != y.shape:
+                raise ValueError(f"function: expected x and y of curve {name!r} of one length, got {x.shape} and {y.shape}")
+    return point
 
 
 def reduced(values, shape):

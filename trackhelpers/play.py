@@ -15,8 +15,8 @@ from urllib.parse import quote
 import numpy as np
 from IPython.display import Markdown, display
 
-from .checks import check_choice, check_number, check_numbers, check_positive, check_vector
-from .panels import DASHES, Ellipse, Panel, reduced
+from .checks import check_choice, check_number, check_positive, check_vector
+from .panels import DASHES, Ellipse, Panel, check_curves, reduced
 from .plots import COLOURS
 
 __all__ = ["LIMIT", "Ellipse", "Playground"]
@@ -51,7 +51,9 @@ class Playground:
         self.sliders = {name: [float(f"{value:.6g}") for value in _some(values, name)] for name, values in sliders.items()}
         self.start = [len(values) // 2 for values in self.sliders.values()]
         self.labels = {name: name.replace("_", " ") for name in sliders}
-        self.grid = [_curves(function(**dict(zip(sliders, point, strict=True)))) for point in itertools.product(*self.sliders.values())]
+        self.grid = [
+            check_curves(function(**dict(zip(sliders, point, strict=True)))) for point in itertools.product(*self.sliders.values())
+        ]
         if any(set(point) != set(self.grid[0]) for point in self.grid):
             raise ValueError(f"function: expected the same curves at all values, {list(self.grid[0])} and no others")
         self.said = [_said(point) for point in self.grid]
@@ -213,23 +215,6 @@ def _range(limits, name):
     if low >= high:
         raise ValueError(f"{name}: expected two numbers, the lower one first, got {limits!r}")
     return low, high
-
-
-def _curves(point):
-    """What the function returned; ValueError unless it is a dictionary of curves."""
-    if not isinstance(point, dict):
-        raise ValueError(f"function: expected it to return a dictionary of curves, got {point!r}")
-    for name, curve in point.items():
-        if name == "say":
-            if not isinstance(curve, str):
-                raise ValueError(f"function: expected text under 'say', got {curve!r}")
-        elif not isinstance(curve, Ellipse):
-            if not isinstance(curve, (tuple, list, np.ndarray)) or len(curve) != 2:
-                raise ValueError(f"function: expected curve {name!r} to be (x, y) or an Ellipse, got {curve!r}")
-            x, y = (check_numbers(v, f"{xy} of the function's curve {name!r}") for xy, v in zip("xy", curve, strict=True))
-            if x.shape != y.shape:
-                raise ValueError(f"function: expected x and y of curve {name!r} of one length, got {x.shape} and {y.shape}")
-    return point
 
 
 def _words_and_numbers(texts):
