@@ -124,6 +124,17 @@ sys.exit(main.main(["readme"]))
 """
 
 
+@pytest.mark.parametrize("after", [0.3, 0.8, 1.4])
+def test_ctrl_c_while_the_program_is_loaded_leaves_no_traceback(tmp_path, after):
+    process = subprocess.Popen(
+        [sys.executable, "-m", "trackhelpers.suite", "refresh", tmp_path / "elsewhere.ipynb"], cwd=ROOT, stderr=subprocess.PIPE, text=True
+    )
+    time.sleep(after)
+    process.send_signal(signal.SIGINT)
+    _, told = process.communicate(timeout=60)
+    assert "Traceback" not in told and process.returncode in (-signal.SIGINT, 130, 2), told  # 2: it was quicker, and refused the path
+
+
 @pytest.mark.parametrize(
     "code", ["import time\nopen('begun', 'w').close()\ntime.sleep(600)", "open('begun', 'w').close()\nwhile True: pass"]
 )

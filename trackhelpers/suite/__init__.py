@@ -3,8 +3,6 @@
 import re
 from pathlib import Path
 
-from trackhelpers import datasets
-
 ROOT = Path(__file__).resolve().parents[2]
 NOTEBOOKS = ROOT / "notebooks"
 FIRST_PAGE = "00_start_here.ipynb"
@@ -49,6 +47,8 @@ def longest_first(items, folder=NOTEBOOKS, path=Path):
 
 def missing_data(path, folder=NOTEBOOKS):
     """Return why the notebook `path` below `folder` cannot run here, or None if it can."""
+    from trackhelpers import datasets  # with pandas: the third of a second before Ctrl-C is listened to
+
     needed = NEEDS.get(Path(path).relative_to(folder).as_posix())
     reason = None if needed is None else datasets.why_not(needed)
     return reason and f"{Path(path).name} needs {needed}: {reason}"

@@ -1,5 +1,10 @@
 """Command line of the suite: ``python -m trackhelpers.suite refresh [notebook …]``, ``… readme``, ``… links``, ``… book``, ``… student`` and ``… lab``."""
 
+import signal
+
+if __name__ == "__main__":
+    signal.signal(signal.SIGINT, signal.SIG_DFL)  # Ctrl-C while the modules are loaded just ends the program, without a traceback
+
 import argparse
 import sys
 from pathlib import Path
@@ -72,4 +77,5 @@ def main(arguments=None):
 
 
 if __name__ == "__main__":
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     sys.exit(main())
