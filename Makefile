@@ -59,11 +59,13 @@ lock: $(READY)  ## resolve pyproject.toml's ranges into environment.txt anew (UP
 UPGRADE ?= --upgrade
 EXTRAS := $(foreach extra,fast lab book test bench lock,--extra $(extra))  # not the peers of the benchmarks, which are large
 
-test-lowest test-latest: $(READY)  ## run the unit tests with the lowest, or the latest, versions that pyproject.toml allows, in an environment of their own below build
-	@test -d build/$@ || $(PYTHON) -m venv build/$@
-	@$(RUN) -m uv pip compile --quiet --no-header $(EXTRAS) $(if $(findstring lowest,$@),--resolution lowest-direct,--upgrade) pyproject.toml -o build/$@/pins.txt
-	@build/$@/bin/python -m pip install --quiet --disable-pip-version-check -r build/$@/pins.txt
-	build/$@/bin/python -m pytest tests -n 2 --ignore tests/suite $(TESTS)
+test-lowest test-latest: $(READY)  ## run the unit tests with the lowest, or the latest, versions that pyproject.toml allows (PYTHON=python3.13 for another Python), in an environment of their own below build
+	@test -d $(OWN) || $(PYTHON) -m venv $(OWN)
+	@$(RUN) -m uv pip compile --quiet --no-header --python $(OWN) $(EXTRAS) $(if $(findstring lowest,$@),--resolution lowest-direct,--upgrade) pyproject.toml -o $(OWN)/pins.txt
+	@$(OWN)/bin/python -m pip install --quiet --disable-pip-version-check -r $(OWN)/pins.txt
+	$(OWN)/bin/python -m pytest tests -n 2 --ignore tests/suite $(TESTS)
+
+OWN = build/$@-$(notdir $(PYTHON))
 
 bench: $(READY)  ## measure speed
 	@$(RUN) -m benchmarks
