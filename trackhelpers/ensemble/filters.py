@@ -48,6 +48,26 @@ class EnsembleEKF(Ensemble):
         """Predict over `dt` seconds, dt ≥ 0."""
         self.x, self.P = _linearised(self, check_dt(dt))
 
+    def _run(self, zs, sensors, steps, truth, keep):
+        """Move on by many steps at once and return what `fused.run` keeps of them; None, and nothing is moved, where they are to be taken one by one, or one is to be refused."""
+        known = self._known
+        if type(self) is EnsembleEKF and self.iterations == 1 and all(map(self._usable, zs, sensors)):
+            taken = [None if z is None else sensor for z, sensor in zip(zs, sensors, strict=True)]
+            ran = fused.run(self.model, self.x, self.P, zs, taken, steps, truth, keep)
+            if ran is not None:
+                history, last = ran
+                self.x, self.P, self.y, self.S, self.K = (last[name] for name in ("x", "P", "y", "S", "K"))
+                return history
+        self._known = known
+        return None
+
+    def _usable(self, z, sensor):
+        """Whether a measurement is what the compiled code reads."""
+        try:
+            return z is None or self._measurement(z, sensor, None, None)[0] is z
+        except ValueError:
+            return False
+
     def _corrected(self, x, P, z, sensor, R):
         corrected = fused.update(sensor, self.model, x, P, z, R) if self.iterations == 1 else None
         if corrected is not None:
