@@ -13,7 +13,7 @@ from weakref import WeakKeyDictionary, ref
 import numpy as np
 
 from trackhelpers import symbolic
-from trackhelpers.kernels import Kernel, binding, many_steps
+from trackhelpers.kernels import Kernel, address, binding, many_steps
 from trackhelpers.symbolic import flat, loads
 from trackhelpers.symbols import Symbol, choose, number, tracing, wrap
 
@@ -154,7 +154,7 @@ def run(model, x, P, zs, sensors, steps, truth, keep):
     zs, x, P = [None if z is None else np.ascontiguousarray(z) for z in zs], np.ascontiguousarray(x), np.ascontiguousarray(P)
     after = {name: _places(array, N) for name, array in found.items()}
     before = [np.vstack([_places(start[..., None, :], 1), after[name][:-1]]) for name, start in (("x", x), ("P", P))]
-    measured = np.array([(0 if z is None else z.ctypes.data, runs) for z in zs])
+    measured = np.array([(0 if z is None else address(z), runs) for z in zs])
     table = [*after.values(), *before, measured, *([] if truth is None else [_places(truth, N)])]
     many_steps(order, runs, steps, np.stack(table, axis=1))
     m = 0 if sensors[-1] is None else sensors[-1].m
@@ -180,7 +180,7 @@ def _last(array, N, shape):
 def _places(array, N):
     """Where an array (…, slots, M) has what belongs to each of N steps, the slots used in turn, and how many numbers lie between its rows: (N, 2)."""
     slots, runs = array.shape[-2:]
-    return np.stack([array.ctypes.data + array.itemsize * runs * (np.arange(N) % slots), np.full(N, slots * runs)], axis=1)
+    return np.stack([address(array) + array.itemsize * runs * (np.arange(N) % slots), np.full(N, slots * runs)], axis=1)
 
 
 def nees(truth, x, P, angles):

@@ -19,7 +19,8 @@ except ImportError:
     binding = None
 
 LANES = 8  # runs in one instruction, or in two of a narrower processor
-TOGETHER = 64  # runs that pass many steps before the next ones do, at least as many as LANES
+TOGETHER = 64  # runs that pass many steps before the next ones start: what a step leaves to the next stays in the cache; at least LANES
+_HEADER = object.__basicsize__
 _COMPARED = {"<": "olt", "<=": "ole", "==": "oeq"}
 
 
@@ -40,7 +41,7 @@ class Kernel:
         )
         stores = tuple(tuple(places[id(number(symbol))] for symbol in symbols) for _, symbols in outputs)
         self.loads = max((s.args[0] for s in order if s.op in ("load", "shared")), default=-1) + 1
-        self.numbers_at = self.numbers.ctypes.data
+        self.numbers_at = address(self.numbers)
         self._code, self._functions = (code, stores, self.loads), {}
 
     def __call__(self, runs, *arrays, dt=0.0):
@@ -56,6 +57,11 @@ class Kernel:
         if lanes not in self._functions:
             self._functions[lanes] = _compiled(*self._code, lanes)
         return self._functions[lanes]
+
+
+def address(array):
+    """Where a NumPy array has its numbers: NumPy's C interface has the pointer to them behind what every object begins with (and `array.ctypes.data` takes a microsecond)."""
+    return ctypes.c_int64.from_address(id(array) + _HEADER).value
 
 
 def _visit(symbol, places, order):
@@ -156,15 +162,11 @@ def _compiled(code, stores, loads, lanes):
 
 
 def many_steps(kernels, runs, steps, table):
-    """Kernels one after the other, each over its step of time: what the table (N, arrays, 2) has for each is named as in `_compiled`.
-
-    Some runs pass all steps before the next ones do, so that what a step leaves to the next stays in the cache.
-    """
+    """Kernels one after the other, each over its step of time, with its arrays in a table (N, arrays, 2) as for `step` in `_compiled`; some runs pass all steps before others start."""
     functions = np.array([kernel.function(runs).step for kernel in kernels])
     numbers = np.array([kernel.numbers_at for kernel in kernels])
     steps, table = np.array(steps, dtype=float), np.ascontiguousarray(table, dtype=np.int64)
-    addresses = (array.ctypes.data for array in (functions, steps, numbers, table))
-    _driver()(len(kernels), runs, *addresses, table[0].size)
+    _driver()(len(kernels), runs, *map(address, (functions, steps, numbers, table)), table[0].size)
 
 
 @cache
@@ -228,9 +230,9 @@ def _entry(k):
 
 
 def _named(k):
-    """The entry of a NumPy array: the pointer to its numbers follows what every Python object begins with, as NumPy's C interface has it (`ndarray.ctypes` takes a microsecond)."""
+    """The entry of a NumPy array of M runs, which is found as in `address`."""
     return [
-        f"%p{k} = getelementptr i8, ptr %array{k}, i64 {object.__basicsize__}",
+        f"%p{k} = getelementptr i8, ptr %array{k}, i64 {_HEADER}",
         f"%data{k} = load i64, ptr %p{k}",
         f"%at{k} = getelementptr i64, ptr %table, i64 {2 * k}",
         f"store i64 %data{k}, ptr %at{k}",
