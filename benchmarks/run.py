@@ -78,7 +78,13 @@ WORKLOADS = (EKF, KF, UKF)
 def of_size(n):
     """A linear model of n components under the EKF with NEES, each run with its own covariance."""
     return Workload(
-        f"n = {n}", "", partial(workloads.chain_problem, n), workloads.ensemble_ekf, {"filterpy": by_hand.filterpy_kf}, same=False
+        f"n = {n}",
+        "",
+        partial(workloads.chain_problem, n),
+        workloads.ensemble_ekf,
+        {"filterpy": by_hand.filterpy_kf},
+        {"follow": workloads.ensemble_follow},
+        same=False,
     )
 
 

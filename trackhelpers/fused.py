@@ -99,7 +99,7 @@ def _whole_step(model, sensor, dt, judged, told):
 
 def predict(model, x, P, dt):
     """x (n, M) and P (n, n, M) after dt seconds by the EKF's equations; None where this model cannot be traced, or there is no compiler."""
-    if binding is None or not _plain(type(model), "_normalise", "_arguments"):
+    if binding is None or not _plain(type(model), "_normalise") or not _taken(model, x, dt):
         return None
     kernel = _traced(model, "any dt", lambda: _prediction(model, Symbol("dt")))
     if kernel is None and (dt in _kept[model] or len(_kept[model]) <= MOST_STEPS):
@@ -132,15 +132,15 @@ def run(model, x, P, zs, sensors, steps, truth, keep):
     """
     used = {id(sensor): sensor for sensor in sensors}
     sizes = {0 if sensor is None else sensor.m for sensor in used.values()}
-    plain = all(sensor is None or _plain(type(sensor), "at", "of_runs", "residual") for sensor in used.values())
     told = not set(keep) <= {"x", "P", "nees"}
-    if (
-        binding is None
-        or len(used) > MOST_SENSORS
-        or not plain
-        or (told and len(sizes) > 1)
-        or not _plain(type(model), "_normalise", "_arguments")
-    ):
+    if binding is None or len(used) > MOST_SENSORS or (told and len(sizes) > 1) or not _plain(type(model), "_normalise"):
+        return None
+    if not all(sensor is None or _plain(type(sensor), "at", "of_runs", "residual") for sensor in used.values()):
+        return None
+    try:
+        if not all(_taken(model, x, dt) for dt in set(steps)):
+            return None
+    except ValueError:  # to be raised at its step
         return None
     judged = None if truth is None else "shared" if truth.shape[2] == 1 else "load"
     kernels = {which: _step_of(model, sensor, steps, judged, told) for which, sensor in used.items()}
@@ -230,6 +230,14 @@ def _stacked(values, runs):
     for row, value in zip(stacked, values, strict=True):
         row[:] = value
     return stacked
+
+
+def _taken(model, x, dt):
+    """Whether the model takes its arguments as they are; ValueError where it refuses them."""
+    if _plain(type(model), "_arguments"):
+        return True
+    taken = model._arguments(x, dt)
+    return taken[0] is x and taken[1] == dt
 
 
 @lru_cache(maxsize=256)

@@ -9,7 +9,7 @@ from trackhelpers import arrays, fused, kernels
 from trackhelpers.consistency import nees
 from trackhelpers.ensemble import EnsembleEKF, EnsembleKF, EnsembleUKF, covariance
 from trackhelpers.follow import follow
-from trackhelpers.motion import CA, CCA, CSAA, CSAV, CTRA, CTRV, CV, PolarCA, PolarCV, Singer
+from trackhelpers.motion import CA, CCA, CSAA, CSAV, CTRA, CTRV, CV, LinearModel, PolarCA, PolarCV, Singer
 from trackhelpers.sensors import Lidar, LinearSensor, Position, Radar, RangeBearing, Sensor
 
 pytestmark = pytest.mark.skipif(fused.binding is None, reason="llvmlite is not installed")
@@ -25,6 +25,7 @@ TRACED = {name: make() for name, make in TURNING.items()}
 TRACED |= {"CTRV, exact": TURNING["CTRV"](noise="exact"), "CTRA, exact": TURNING["CTRA"](noise="exact")}
 TRACED |= {"CTRV, constant Q": TURNING["CTRV"](Q=np.diag([1e-4, 1e-4, 0.01, 1e-4, 1e-4]))}
 TRACED |= {"CV": CV(0.5), "CA": CA(0.5), "PolarCV": PolarCV(0.5, 0.2), "PolarCA": PolarCA(0.5, 0.2), "Singer": Singer(1.0, 20.0)}
+TRACED |= {"given": LinearModel(CV(0.5).F(np.zeros(4), 0.1), CV(0.5).Q(np.zeros(4), 0.1), 0.1, CV(0.5).state)}
 LEFT = {"CTRV, continuous": TURNING["CTRV"](noise="continuous"), "CSAV, exact": TURNING["CSAV"](noise="exact")}
 R = np.array([[0.09, 0.001, 0.01], [0.001, 0.0009, 0.0], [0.01, 0.0, 0.09]])
 
@@ -375,6 +376,14 @@ def test_missed_scans_among_steps_at_once(missed, counted):
         np.testing.assert_allclose(pair[0].x, pair[1].x, atol=1e-13)
         assert pair[0].filter.K.shape == (5, 0, 9)
     assert counted == [True]
+
+
+def test_a_step_that_the_model_refuses_is_refused_at_its_place():
+    model = TRACED["given"]
+    ens = EnsembleEKF(model, start(model, 9), np.eye(4))
+    with pytest.raises(ValueError, match=r"zs\[2\]: dt: expected 0.1 s"):
+        followed(model, 9, 4, True, ens=ens, dt=[0.1, 0.1, 0.2, 0.1])
+    assert np.isfinite(ens.x).all() and ens.y.shape == (3, 9)
 
 
 def test_masks_other_noise_an_iterated_filter_and_a_subclass_go_step_by_step(counted):
