@@ -8,7 +8,7 @@ code. What cannot be traced (a sensor that moves, a hook without arithmetic) is 
 from functools import lru_cache
 from math import prod
 from threading import RLock
-from weakref import WeakKeyDictionary, ref
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -20,13 +20,14 @@ from trackhelpers.symbols import Symbol, choose, number, tracing, wrap
 MOST_STEPS = 16  # different ones of a model that cannot be traced for any dt at once; the further ones are left to NumPy
 MOST_SENSORS = 4  # different ones in a run of many steps, each of which is compiled together with the model
 _kept = WeakKeyDictionary()  # model or sensor -> what was traced of it
+_kept_together = WeakKeyDictionary()  # model -> sensor -> what was traced of both
 _alone = RLock()
 
 
-def _traced(owner, key, build):
+def _traced(owner, key, build, kept=_kept):
     """The kernel that `build` traces, kept with `owner`; None where it cannot be traced."""
     try:
-        return _kept[owner][key]
+        return kept[owner][key]
     except KeyError:
         pass
     with _alone, tracing():
@@ -34,7 +35,7 @@ def _traced(owner, key, build):
             outputs = build()
         except Exception:  # whatever a hook raises that wanted a number
             outputs = None
-        return _kept.setdefault(owner, {}).setdefault(key, outputs and Kernel(outputs))
+        return kept.setdefault(owner, {}).setdefault(key, outputs and Kernel(outputs))
 
 
 def _predicted(model, x, P, dt):
@@ -151,7 +152,8 @@ def run(model, x, P, zs, sensors, steps, truth, keep):
     shapes = {"x": (n,), "P": (n, n), "nees": (), "y": (m,), "S": (m, m), "K": (n, m)}
     # of what is not kept there is room for two, the last one and the next
     found = {name: np.empty((*shape, N if name in keep else 2, runs)) for name, shape in shapes.items()}
-    zs, x, P = [None if z is None else np.ascontiguousarray(z) for z in zs], np.ascontiguousarray(x), np.ascontiguousarray(P)
+    zs = [None if z is None else np.ascontiguousarray(z) for z in zs]
+    x, P = (np.ascontiguousarray(start, dtype=float) for start in (x, P))
     after = {name: _places(array, N) for name, array in found.items()}
     before = [np.vstack([_places(start[..., None, :], 1), after[name][:-1]]) for name, start in (("x", x), ("P", P))]
     measured = np.array([(0 if z is None else address(z), runs) for z in zs])
@@ -164,10 +166,10 @@ def run(model, x, P, zs, sensors, steps, truth, keep):
 
 def _step_of(model, sensor, steps, *more):
     """The kernel of `_whole_step` for any dt or, where that cannot be traced and all steps are the same, for theirs."""
-    owner, key = (model if sensor is None else sensor), (ref(model), *more)
-    kernel = _traced(owner, (*key, "any dt"), lambda: _whole_step(model, sensor, Symbol("dt"), *more))
+    where = (model, _kept) if sensor is None else (sensor, _kept_together.setdefault(model, WeakKeyDictionary()))
+    kernel = _traced(where[0], (*more, "any dt"), lambda: _whole_step(model, sensor, Symbol("dt"), *more), where[1])
     if kernel is None and len(set(steps)) == 1:
-        kernel = _traced(owner, (*key, steps[0]), lambda: _whole_step(model, sensor, float(steps[0]), *more))
+        kernel = _traced(where[0], (*more, steps[0]), lambda: _whole_step(model, sensor, float(steps[0]), *more), where[1])
     return kernel
 
 

@@ -46,7 +46,7 @@ class Kernel:
 
     def __call__(self, runs, *arrays, dt=0.0):
         """The outputs for float arrays (…, runs), the inputs in the order of their numbers."""
-        arrays = [np.ascontiguousarray(a) for a in arrays[: self.loads]]
+        arrays = [np.ascontiguousarray(a, float) for a in arrays[: self.loads]]
         out = [np.empty((*shape, runs)) for shape in self.shapes]
         self.function(runs)(runs, dt, self.numbers_at, *map(id, out), *map(id, arrays))
         return out

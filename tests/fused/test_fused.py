@@ -1,5 +1,6 @@
 """The compiled step is NumPy's step: for every model and sensor that can be traced, in any number of runs, beside a run that has broken down."""
 
+import gc
 from unittest.mock import patch
 
 import numpy as np
@@ -376,6 +377,26 @@ def test_missed_scans_among_steps_at_once(missed, counted):
         np.testing.assert_allclose(pair[0].x, pair[1].x, atol=1e-13)
         assert pair[0].filter.K.shape == (5, 0, 9)
     assert counted == [True]
+
+
+def test_what_was_traced_goes_with_the_model_and_the_sensor():
+    model, radar = CTRV(0.5, 0.1), Radar()
+    for _ in range(5):
+        followed(CTRV(0.5, 0.1), 9, 3, True, sensor=radar)
+        followed(model, 9, 3, True, sensor=Radar())
+    gc.collect()
+    assert sum(radar in sensors for sensors in fused._kept_together.values()) == 0
+    assert len(fused._kept_together[model]) == 0
+
+
+def test_states_that_somebody_sets_as_whole_numbers_are_read_as_numbers():
+    model = TRACED["CTRV"]
+    pair = []
+    for at_once in (True, False):
+        ens = EnsembleEKF(model, start(model, 9), np.eye(5))
+        ens.x = np.ones((5, 9), dtype=int)
+        pair.append(followed(model, 9, 4, at_once, ens=ens))
+    alike(*pair, ("x", "nees"))
 
 
 def test_a_step_that_the_model_refuses_is_refused_at_its_place():
