@@ -161,11 +161,14 @@ def eliminate(S, below):
 
 
 def mahalanobis(y, S):
-    """yᵀS⁻¹y for y (m, ...) and S (m, m, ...), by symmetric elimination; NaN where S is not positive definite."""
+    """yᵀS⁻¹y for y (m, ...) and S (m, m, ...); NaN where S is not positive definite."""
     y, S = check_numbers(y, "y"), _square(S, "S")
     _fit(y.ndim > 0 and len(y) == len(S), "y, S: expected shapes (m, ...) and (m, m, ...)", y, S, 1, 2)
     if y.ndim == 2 and y.shape == S.shape[1:] and (total := fused.mahalanobis(y, S)) is not None:
         return total
-    A, D = eliminate(S, y[None])
     with np.errstate(invalid="ignore", over="ignore"):
+        if S.shape[2:] != y.shape[1:]:  # a common S: its root is found once
+            whitened = matvec(solve_lower(cholesky(S), np.eye(len(S)).reshape(*S.shape[:2], *[1] * (S.ndim - 2))), y)
+            return np.einsum("j...,j...->...", whitened, whitened)
+        A, D = eliminate(S, y[None])
         return np.einsum("j...,j...->...", A[-1] * D, A[-1])

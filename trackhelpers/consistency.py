@@ -31,7 +31,7 @@ def nees(x_true, x, P, angles=()):
     x_true, x : array_like, shape (n,) or (n, M)
         Truth and estimate; a common truth (n, 1) may stand beside an ensemble.
     P : array_like, shape (n, n) or (n, n, M)
-        The filter's covariance.
+        The filter's covariance. Whole histories serve too, x (n, N, M) with P (n, n, N, M), or (n, n, N, 1) where it is the same in all runs.
     angles : sequence of int
         Indices of the angular components, whose difference is wrapped.
 
@@ -97,7 +97,10 @@ def _normalised(error, P, name):
             solution = dposv(correlations(P), error / sigma)[1] / sigma
         return error @ solution
     P = check_array(P, name, n)
-    if P.shape not in ((n, n), (n, n, *error.shape[1:])):
+    runs = P.shape[2:]
+    if P.shape[:2] != (n, n) or (
+        runs and not (len(runs) == error.ndim - 1 and all(p in (1, e) for p, e in zip(runs, error.shape[1:], strict=True)))
+    ):
         raise ValueError(f"{name}: expected shape {(n, n)} or {(n, n, *error.shape[1:])}, got {P.shape}")
     return mahalanobis(error, P.reshape(*P.shape, *[1] * (error.ndim + 1 - P.ndim)))
 

@@ -33,27 +33,24 @@ CONTENDERS = [
 
 @pytest.mark.parametrize("contender", CONTENDERS, ids=[f"{i}-{each.name}" for i, each in enumerate(CONTENDERS)])
 def test_an_ensemble_is_the_filter_of_its_name_in_every_run(contender):
-    singles = [contender.single(X0[:, r]) for r in range(M)]
-    L = getattr(contender, "to_estimate", None)
-    for k, (x, P) in enumerate(contender.follow(X0, Z)):
-        P = np.broadcast_to(P.reshape(4, 4, -1), (4, 4, M))
-        for r, kf in enumerate(singles):
+    L, found = getattr(contender, "to_estimate", None), contender.followed(X0, Z)
+    for r in range(M):
+        kf, xs, Ps = contender.single(X0[:, r]), [], []
+        for z in Z[:, :, r].T:
             kf.predict()
-            kf.update(Z[:, k, r])
-            if L is not None:
-                own, own_P = L @ kf.x, L @ kf.P @ L.T
-            else:
-                own, own_P = kf.estimate, kf.estimate_P
-            np.testing.assert_allclose(x[:, r], own, atol=1e-9, rtol=1e-13)  # positions reach 1e5 m
-            np.testing.assert_allclose(P[..., r], own_P, atol=1e-8)
+            kf.update(z)
+            xs.append(kf.estimate if L is None else L @ kf.x)
+            Ps.append(kf.estimate_P if L is None else L @ kf.P @ L.T)
+        np.testing.assert_allclose(found.x[..., r], np.transpose(xs), atol=1e-9, rtol=1e-13)  # positions reach 1e5 m
+        np.testing.assert_allclose(np.broadcast_to(found.P, (4, 4, len(xs), M))[..., r], np.moveaxis(Ps, 0, -1), atol=1e-8)
 
 
 def test_the_augmented_filter_as_matrices_is_the_filterpy_subclass():
     linear, kf = c.augmented(), c.augmented_kf(X0[:, 0])
-    for k, (x, _) in enumerate(linear.follow(X0, Z)):
+    for z, x in zip(Z[:, :, 0].T, linear.estimates(X0, Z)[..., 0].T, strict=True):
         kf.predict()
-        kf.update(Z[:, k, 0])
-        np.testing.assert_allclose(x[:, 0], kf.estimate, atol=1e-9, rtol=1e-13)
+        kf.update(z)
+        np.testing.assert_allclose(x, kf.estimate, atol=1e-9, rtol=1e-13)
 
 
 def test_a_run_that_breaks_down_is_named_and_leaves_its_neighbours_bit_for_bit():

@@ -6,9 +6,9 @@ Each is the filter of the same name in `trackhelpers.filters` over M runs, with 
 import numpy as np
 from scipy import stats
 
-from trackhelpers.arrays import check_scale, congruence, matvec
+from trackhelpers.arrays import check_scale, congruence, inverse, matvec
 from trackhelpers.consistency import nis
-from trackhelpers.ensemble.many_matrix_filters import EnsembleMatrixKF, of_runs
+from trackhelpers.ensemble.many_matrix_filters import EnsembleMatrixKF
 from trackhelpers.filters.strong_tracking import axes_seen, faded, innovation_spread
 from trackhelpers.filters.variance_inflation import inflated
 from trackhelpers.manoeuvre import (
@@ -18,7 +18,6 @@ from trackhelpers.manoeuvre import (
     check_input,
     check_probability,
     check_window,
-    constant_input,
     fading_limit,
     fading_sum,
 )
@@ -100,33 +99,45 @@ class EnsembleInputEstimationKF(OneAPrediction, EnsembleMatrixKF):
     changes : numpy.ndarray of int, shape (M,)
     """
 
-    _by_run = (*EnsembleMatrixKF._by_run, "u", "changes", "_past", "_full")
+    _by_run = (*EnsembleMatrixKF._by_run, "u", "changes", "_b", "_information", "_weighted", "_full")
 
     def __init__(self, F, G, H, Q, R, x0, P0, window=10, probability=0.9999):
         super().__init__(F, H, Q, R, x0, P0)
         self.G, self.window = check_input(self.matrices.F, G, self.matrices.H, window)
-        self.limit = float(stats.chi2.ppf(check_probability(probability, "probability"), self.G.shape[1]))
-        self.u, self.changes = np.zeros((self.G.shape[1], self.runs)), np.zeros(self.runs, dtype=int)
-        n, m = len(self.x), self.m
-        empty = np.zeros((m, 1)), np.zeros((m, m, 1)), np.zeros((n, m, 1)), np.zeros(1, dtype=int)
-        self._past, self._full = (empty,) * self.window, np.zeros(self.runs, dtype=int)  # how many of them belong to a run's window
+        (n, q), w, M = self.G.shape, self.window, self.runs
+        self.limit = float(stats.chi2.ppf(check_probability(probability, "probability"), q))
+        self.u, self.changes = np.zeros((q, M)), np.zeros(M, dtype=int)
+        # The sums of `trackhelpers.manoeuvre.constant_input` for the windows that are open, one begun after each of the last w measurements, the oldest first.
+        self._b, self._information, self._weighted = np.zeros((n, q, w, M)), np.zeros((q, q, w, M)), np.zeros((q, w, M))
+        self._full = np.zeros(M, dtype=int)  # measurements since the input in force was found
 
     def predict(self):
         """Predict with the input in force."""
         super().predict()
         self.x = self.x + self.G @ self.u
+        self._b = np.tensordot(self.matrices.F, self._b, 1) + self.G[:, :, None, None]
 
     def _update(self, z, R):
         self._one_a_prediction()
-        steps = self._steps
         super()._update(z, R)
-        self._past, self._full = (*self._past[1:], (self.y, self.S, self.K, steps)), self._full + 1
+        seen = np.tensordot(self.matrices.H, self._b, 1)
+        whitened = np.einsum("ijr,jqwr->iqwr", inverse(self.S), seen)
+        information = self._information + np.einsum("iqwr,ipwr->qpwr", seen, whitened)
+        weighted = self._weighted + np.einsum("iqwr,ir->qwr", whitened, self.y)
+        b = self._b - np.einsum("nir,iqwr->nqwr", self.K, seen)
+        self._b, self._information, self._weighted = (_next_window(a) for a in (b, information, weighted))
+        self._full = self._full + 1
         ready = np.flatnonzero(self._full >= self.window)
         if not len(ready):
             return
-        past = self._past if len(ready) == self.runs else of_runs(self._past, ready)
-        change, covariance, shift, significance = constant_input(*zip(*past, strict=True), self.matrices.F, self.G, self.matrices.H)
-        found = significance > self.limit
+        shift, covariance = b[:, :, 0, ready], inverse(information[:, :, 0, ready])
+        change = matvec(covariance, weighted[:, 0, ready])
+        found = np.einsum("qr,qr->r", change, weighted[:, 0, ready]) > self.limit
         some, change, shift = ready[found], change[:, found], shift[..., found]
         x, P = self.x[:, some] + matvec(shift, change), self.P[..., some] + congruence(shift, covariance[..., found])
         self._put(some, x=x, P=P, u=self.u[:, some] + change, changes=self.changes[some] + 1, _full=0)
+
+
+def _next_window(sums):
+    """Sums (..., w, M) without the oldest window, and with a new one."""
+    return np.concatenate([sums[..., 1:, :], np.zeros_like(sums[..., :1, :])], axis=-2)

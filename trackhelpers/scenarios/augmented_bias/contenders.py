@@ -60,22 +60,16 @@ LOOK = {  # one colour and dash a method in all figures of the paper
 }
 
 
-class Step(NamedTuple):
-    """What a filter says after a measurement, over M runs."""
+class Followed(NamedTuple):
+    """What a filter says after each of N measurements, over M runs."""
 
-    x: np.ndarray  # (4, M) position and velocity
-    P: np.ndarray  # (4, 4) or (4, 4, M) their covariance
-    nis: np.ndarray  # (M,) of the measurement
-
-
-class _Contender:
-    def follow(self, x0, z):
-        """Yield estimates (4, M) and their covariance, (4, 4) or (4, 4, M), after each measurement of z (2, N, M), from x0 (4, M)."""
-        return ((step.x, step.P) for step in self.steps(x0, z))
+    x: np.ndarray  # (4, N, M) position and velocity
+    P: np.ndarray  # (4, 4, N, M) their covariance, (4, 4, N, 1) where it is the same in all runs
+    nis: np.ndarray  # (N, M)
 
 
 @dataclass(frozen=True)
-class Linear(_Contender):
+class Linear:
     """A filter whose gain is known before any measurement: matrices of its own state, and the estimate (4, n) as a function of it."""
 
     name: str
@@ -110,16 +104,15 @@ class Linear(_Contender):
         """Estimates (4, N, M) after each measurement of z (2, N, M), from x0 (4, M): the quick way to them alone."""
         return np.tensordot(self.to_estimate, self._history(x0, z, ("x",)).x, 1)
 
-    def steps(self, x0, z):
-        """Yield a `Step` after each measurement of z (2, N, M), from x0 (4, M)."""
+    def followed(self, x0, z):
+        """What the filter says of z (2, N, M), from x0 (4, M): `Followed`."""
         known = exact.gains(self.F, self.H, self.Q, R, self.P0, z.shape[1])
-        history, L = self._history(x0, z, ("x", "y")), self.to_estimate
-        for k in range(z.shape[1]):
-            yield Step(L @ history.x[:, k], L @ known.P[..., k + 1] @ L.T, nis(history.y[:, k], known.S[..., k]))
+        history, P = self._history(x0, z, ("x", "y")), congruence(self.to_estimate[..., None], known.P[..., 1:])
+        return Followed(np.tensordot(self.to_estimate, history.x, 1), P[..., None], nis(history.y, known.S[..., None]))
 
 
 @dataclass(frozen=True)
-class Adaptive(_Contender):
+class Adaptive:
     """A filter whose gain depends on the data: the filterpy subclass and its ensemble, and what both are built from."""
 
     name: str
@@ -141,10 +134,10 @@ class Adaptive(_Contender):
         """As `Linear.estimates`."""
         return follow(self.ensemble(x0), np.moveaxis(z, 1, 0), keep=("x",)).x
 
-    def steps(self, x0, z):
-        """As `Linear.steps`. With two models in force the NIS is that of the mixture's, or of the present model's, prediction."""
+    def followed(self, x0, z):
+        """As `Linear.followed`. With two models in force the NIS is that of the mixture's, or of the present model's, prediction."""
         history = follow(self.ensemble(x0), np.moveaxis(z, 1, 0), keep=("x", "P", "y", "S"))
-        yield from map(Step, history.x.swapaxes(0, 1), np.moveaxis(history.P, 2, 0), nis(history.y, history.S))
+        return Followed(history.x, history.P, nis(history.y, history.S))
 
 
 def gains(linear, steps):

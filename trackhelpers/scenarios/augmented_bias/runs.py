@@ -80,12 +80,12 @@ def score(contenders, runs=500, seed=2018, a=2.0, path=0, n_jobs=1, consistency=
 
 def _errors(contender, x0, z, track, consistency):
     """Sums over the runs of one contender's errors, and its means run by run, by the names of `Score`."""
-    estimates, normalised, innovations = np.empty((4, *z.shape[1:])), np.full(STEPS + 1, np.nan), np.full(STEPS + 1, np.nan)
+    normalised, innovations = np.full(STEPS + 1, np.nan), np.full(STEPS + 1, np.nan)
     if consistency:
-        for k, step in enumerate(contender.steps(x0, z), 1):
-            estimates[:, k - 1], innovations[k] = step.x, step.nis.sum()
-            if contender.honest:
-                normalised[k] = nees(track[:, k], step.x, step.P).sum()
+        estimates, P, by_step = contender.followed(x0, z)
+        innovations[1:] = by_step.sum(axis=1)
+        if contender.honest:
+            normalised[1:] = nees(track[:, 1:, None], estimates, P).sum(axis=1)
     else:
         estimates = contender.estimates(x0, z)
     errors = np.concatenate([x0[:, None], estimates], axis=1) - track[..., None]
