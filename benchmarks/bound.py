@@ -12,7 +12,9 @@ CHAINS, LENGTH, ROUNDS = 16, 60, 7  # independent chains of products and sums, s
 
 def operations(problem):
     """Arithmetic operations of a step with NEES, a fused product and sum counted as one; the mean over the sensors that take turns."""
-    return float(np.mean([_count(lambda s=s: fused._whole_step(problem.model, s, Symbol("dt"), "shared", False)) for s in problem.sensors]))
+    return float(
+        np.mean([_count(lambda s=s: fused._whole_step(problem.model, s, Symbol("dt"), "shared", False, False)) for s in problem.sensors])
+    )
 
 
 def _count(build):

@@ -82,10 +82,10 @@ def _update(sensor, model, own_noise):
     return [((n,), x), ((n, n), flat(P)), ((m,), y), ((m, m), flat(S)), ((n, m), flat(K))]
 
 
-def _whole_step(model, sensor, dt, judged, told):
+def _whole_step(model, sensor, dt, judged, whole, told):
     """x, P, NEES, y, S and K after a prediction and a measurement, where there is a sensor; of x, P, z and, if `judged`, a truth, "shared" by all runs or one to "load" for each.
 
-    The last three only if they are to be `told`: to store them takes a third of the time.
+    To store takes its time: P has only its lower half, which is what is read, unless it is to be `whole`, and y, S and K are there only if they are to be `told`.
     """
     n = model.n
     x, P = _predicted(model, loads(0, n), loads(1, n, n), dt)
@@ -95,7 +95,8 @@ def _whole_step(model, sensor, dt, judged, told):
         more = [y, flat(S), flat(K)] if told else more
     if judged:
         score = [_score([Symbol(judged, 3, i) for i in range(n)], x, P, model.angles)]
-    return [((), values) for values in (x, flat(P), score, *more)]
+    P = [value if whole or j <= i else None for i, row in enumerate(P) for j, value in enumerate(row)]
+    return [((), values) for values in (x, P, score, *more)]
 
 
 def predict(model, x, P, dt):
@@ -144,8 +145,8 @@ def run(model, x, P, zs, sensors, steps, truth, keep):
     except ValueError:  # to be raised at its step
         return None
     judged = None if truth is None else "shared" if truth.shape[2] == 1 else "load"
-    kernels = {which: _step_of(model, sensor, steps, judged, told) for which, sensor in used.items()}
-    order = [*(kernels[id(sensor)] for sensor in sensors[:-1]), _step_of(model, sensors[-1], steps, judged, True)]
+    kernels = {which: _step_of(model, sensor, steps, judged, "P" in keep, told) for which, sensor in used.items()}
+    order = [*(kernels[id(sensor)] for sensor in sensors[:-1]), _step_of(model, sensors[-1], steps, judged, True, True)]
     if None in order:
         return None
     (n, runs), N, m = x.shape, len(zs), max(sizes)

@@ -28,18 +28,17 @@ class Kernel:
     """Compiled operations: arrays (…, M) in, arrays (…, M) out."""
 
     def __init__(self, outputs):
-        """`outputs`: for each array its shape without the runs, and its symbols in the order of memory."""
+        """`outputs`: for each array its shape without the runs, and its symbols in the order of memory, None for a row that is not written."""
         self.shapes = [shape for shape, _ in outputs]
         places, order = {}, []
-        for _, symbols in outputs:
-            for symbol in symbols:
-                _visit(number(symbol), places, order)
+        for symbol in (each for _, symbols in outputs for each in symbols if each is not None):
+            _visit(number(symbol), places, order)
         self.operations = [s.op for s in order]
         self.numbers = np.array([s.args[0] for s in order if s.op == "number"])
         code = tuple(
             (s.op, *(places[id(a)] if isinstance(a, Symbol) else a for a in s.args)) if s.op != "number" else ("number",) for s in order
         )
-        stores = tuple(tuple(places[id(number(symbol))] for symbol in symbols) for _, symbols in outputs)
+        stores = tuple(tuple((i, places[id(number(s))]) for i, s in enumerate(symbols) if s is not None) for _, symbols in outputs)
         self.loads = max((s.args[0] for s in order if s.op in ("load", "shared")), default=-1) + 1
         self.numbers_at = address(self.numbers)
         self._code, self._functions = (code, stores, self.loads), {}
@@ -124,7 +123,7 @@ def _compiled(code, stores, loads, lanes):
         else:
             lines.append(f"{name} = {op} contract {V} {given[0]}, {given[1]}")
     for k, rows in enumerate(stores):
-        for i, place in enumerate(rows):
+        for i, place in rows:
             lines += [*_element(f"%o{k}_{i}", k, i, "%start"), f"store {V} {names[place]}, ptr %o{k}_{i}, align 8"]
     arrays = range(len(stores) + loads)
     text = "\n".join(

@@ -41,6 +41,14 @@ def test_parts_of_arrays_and_arrays_that_are_not_to_be_written_are_read():
 
 
 @compiled
+def test_a_row_that_is_not_written_is_left():
+    made = kernel(lambda: [Symbol("load", 0, 1), None, Symbol("load", 0, 0)])
+    out, given = np.full((3, 9), 7.0), np.arange(18.0).reshape(2, 9)
+    kernels.many_steps([made], 9, [0.0], np.array([[(kernels.address(out), 9), (kernels.address(given), 9)]]))
+    np.testing.assert_array_equal(out, [given[1], np.full(9, 7.0), given[0]])
+
+
+@compiled
 @pytest.mark.parametrize("M", [1, 7, 8, 63, 127, 128, 129, 300])
 def test_many_steps_are_a_sum_over_time(M):
     """x ← x + dt z with what all runs share added: each array has its own distance between rows."""
