@@ -12,10 +12,9 @@ CHAINS, LENGTH, ROUNDS = 16, 60, 7  # independent chains of products and sums, s
 
 def operations(problem):
     """Arithmetic operations of a step with NEES, a fused product and sum counted as one; the mean over the sensors that take turns."""
-    model, n = problem.model, problem.model.n
-    corrections = [_count(lambda sensor=sensor: fused._update(sensor, model, True)) for sensor in problem.sensors]
-    score = _count(lambda: [((), [fused._mahalanobis(fused._loads(0, n), fused._loads(1, n, n))])])
-    return _count(lambda: fused._prediction(model, Symbol("dt"))) + float(np.mean(corrections)) + score
+    return float(
+        np.mean([_count(lambda s=s: fused._whole_step(problem.model, s, Symbol("dt"), "shared", False, False)) for s in problem.sensors])
+    )
 
 
 def _count(build):

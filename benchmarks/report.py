@@ -15,15 +15,18 @@ from trackhelpers.plots import COLOURS
 
 NAMES = {
     "ours": "ensemble",
+    "follow": "ensemble, all steps in one call",
     "filterpy": "filterpy, model by hand",
     "filterpy redrawn": "filterpy, model by hand, points redrawn, angles wrapped",
     "filterpy IMM": "filterpy's IMMEstimator on two KalmanFilters",
     "NumPy alone": "ensemble without llvmlite",
     "C": "a loop in C",
     "JAX": "JAX, vmap and scan",
+    "cuthbert": "cuthbert, vmap",
 }
 STYLES = {
     "ours": ("blue", "o"),
+    "follow": ("blue", "*"),
     "NumPy alone": ("band", "o"),
     "filterpy": ("orange", "s"),
     "MotionEKF": ("vermillion", "^"),
@@ -33,6 +36,7 @@ STYLES = {
     "simdkalman": ("purple", "v"),
     "C": ("green", "D"),
     "JAX": ("vermillion", "P"),
+    "cuthbert": ("vermillion", "X"),
 }
 
 

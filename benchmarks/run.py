@@ -12,7 +12,7 @@ import numpy as np
 
 from benchmarks import bound, report, workloads
 from benchmarks.cloop import NotAvailable, c_loop, compiler
-from benchmarks.peers import by_hand, jax_ekf, loops, simd, stone_soup
+from benchmarks.peers import by_hand, cuthbert_ekf, jax_ekf, loops, simd, stone_soup
 from benchmarks.timing import interleaved
 from trackhelpers import angles, fused
 from trackhelpers.ensemble import monte_carlo
@@ -47,7 +47,13 @@ EKF = Workload(
     workloads.ctrv_problem,
     workloads.ensemble_ekf,
     {"filterpy": by_hand.filterpy_ekf, "MotionEKF": loops.motion_ekf, "Stone Soup": stone_soup.stone_soup_ekf},
-    {"NumPy alone": workloads.numpy_alone(workloads.ensemble_ekf), "JAX": jax_ekf.jax_ekf, "C": c_loop},
+    {
+        "follow": workloads.ensemble_follow,
+        "NumPy alone": workloads.numpy_alone(workloads.ensemble_ekf),
+        "JAX": jax_ekf.jax_ekf,
+        "cuthbert": cuthbert_ekf.cuthbert_ekf,
+        "C": c_loop,
+    },
 )
 KF = Workload(
     "KF",
@@ -72,7 +78,13 @@ WORKLOADS = (EKF, KF, UKF)
 def of_size(n):
     """A linear model of n components under the EKF with NEES, each run with its own covariance."""
     return Workload(
-        f"n = {n}", "", partial(workloads.chain_problem, n), workloads.ensemble_ekf, {"filterpy": by_hand.filterpy_kf}, same=False
+        f"n = {n}",
+        "",
+        partial(workloads.chain_problem, n),
+        workloads.ensemble_ekf,
+        {"filterpy": by_hand.filterpy_kf},
+        {"follow": workloads.ensemble_follow},
+        same=False,
     )
 
 
@@ -106,7 +118,7 @@ SINGLES = (
 
 def reason_to_skip(label):
     """Why a contender cannot run here, or None."""
-    package = {"Stone Soup": "stonesoup", "simdkalman": "simdkalman", "JAX": "jax"}.get(label)
+    package = {"Stone Soup": "stonesoup", "simdkalman": "simdkalman", "JAX": "jax", "cuthbert": "cuthbert"}.get(label)
     if package is not None and importlib.util.find_spec(package) is None:
         return f"the package {package} is not installed"
     if label == "NumPy alone" and fused.binding is None:
@@ -199,7 +211,7 @@ def main(arguments=None):
     if options.single:
         print("\n".join(report.single(SINGLES, agreement, one)))
         return 0
-    by_runs, by_steps = {}, measure(EKF, [(runs, N) for N in lengths], rounds, labels=("filterpy", "JAX", "C"))
+    by_runs, by_steps = {}, measure(EKF, [(runs, N) for N in lengths], rounds, labels=("follow", "filterpy", "JAX", "C"))
     by_steps = {N: cost for (_, N), cost in by_steps.items()}
     for w in WORKLOADS:
         costs = measure(w, [(M, 20 if options.quick else w.steps) for M in sizes], rounds)

@@ -13,6 +13,7 @@ import numpy as np
 from trackhelpers import fused
 from trackhelpers.consistency import nees
 from trackhelpers.ensemble import EnsembleEKF, EnsembleKF, EnsembleUKF
+from trackhelpers.follow import follow
 from trackhelpers.motion import CA, CTRA, CTRV, CV, LinearModel
 from trackhelpers.motion.base import Model
 from trackhelpers.scenarios.thesis import lidar_radar
@@ -113,12 +114,24 @@ def ensemble_ekf(problem):
 
     def run():
         ens = EnsembleEKF(problem.model, problem.x0, problem.P0)
-        average = np.empty(problem.steps)
+        scores = np.empty((problem.steps, problem.runs))
         for k, z in enumerate(problem.zs):
             ens.predict(problem.T)
             ens.update(z, problem.sensor(k))
-            average[k] = nees(problem.truth[:, k : k + 1], ens.x, ens.P, problem.model.angles).mean()
-        return {"x": ens.x, "P": ens.P, "NEES": average}
+            scores[k] = nees(problem.truth[:, k : k + 1], ens.x, ens.P, problem.model.angles)
+        return {"x": ens.x, "P": ens.P, "NEES": scores.mean(axis=1)}
+
+    return run
+
+
+def ensemble_follow(problem):
+    """EnsembleEKF, NEES at every step, all steps in one call."""
+    sensors = [problem.sensor(k) for k in range(problem.steps)]
+
+    def run():
+        ens = EnsembleEKF(problem.model, problem.x0, problem.P0)
+        history = follow(ens, problem.zs, sensors, problem.T, keep=(), truth=problem.truth)
+        return {"x": ens.x, "P": ens.P, "NEES": history.nees.mean(axis=1)}
 
     return run
 

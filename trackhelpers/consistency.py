@@ -5,6 +5,7 @@ from scipy import stats
 from scipy.linalg.lapack import dposv
 
 from trackhelpers import angles as _angles
+from trackhelpers import fused
 from trackhelpers.arrays import congruence, inverse, mahalanobis, transpose
 from trackhelpers.checks import (
     all_finite,
@@ -53,7 +54,12 @@ def nees(x_true, x, P, angles=()):
             raise ValueError(f"x_true, x: expected shapes (n,) or (n, M), got {x_true.shape} and {x.shape}")
     if x_true.ndim == 1 and x.ndim == 2:
         x_true = x_true[:, None]
-    return _normalised(_angles.wrap_rows(x_true - x, check_angles(angles, len(x))), P, "P")
+    angles, n = check_angles(angles, len(x)), len(x)
+    if x.ndim == 2 and x_true.shape[1] in (1, x.shape[1]):
+        P = check_array(P, "P", n)
+        if P.shape == (n, *x.shape) and (scores := fused.nees(x_true, x, P, angles)) is not None:
+            return scores
+    return _normalised(_angles.wrap_rows(x_true - x, angles), P, "P")
 
 
 def nis(y, S):

@@ -8,7 +8,7 @@ from scipy.stats import chi2
 
 from trackhelpers import angles as _angles
 from trackhelpers.arrays import check_dt, divide
-from trackhelpers.checks import check_names, check_number, check_probability
+from trackhelpers.checks import check_matrix, check_names, check_number, check_numbers, check_probability
 
 
 class History:
@@ -22,6 +22,8 @@ class History:
     x (n, N[, M]), P (n, n, N[, M]) : the filter's `estimate` and `estimate_P`
     y (m, N[, M]), S (m, m, N[, M]) : innovations and their covariances, m the largest measurement; NaN where there is nothing
         Each of them, and any other attribute that was asked for, only where it was kept.
+    nees : (N,) or (N, M)
+        Normalised estimation error squared, where the truth was given.
     outliers : tuple of int
         The measurements that the gate kept out.
     """
@@ -54,10 +56,11 @@ class _Step(NamedTuple):
     P: np.ndarray
 
 
-def follow(kf, zs, sensors=None, dt=None, t0=0.0, Rs=None, masks=None, keep=None, gate=None):
+def follow(kf, zs, sensors=None, dt=None, t0=0.0, Rs=None, masks=None, keep=None, gate=None, truth=None):
     """Run a filter of one target, or an ensemble, over a sequence of measurements.
 
-    For each k: predict over dt[k], take the sensor as it is at t0 + dt[0] + … + dt[k] (`Sensor.at`), correct by zs[k].
+    For each k: predict over dt[k], take the sensor as it is at t0 + dt[0] + … + dt[k] (`Sensor.at`), correct by zs[k]. An `EnsembleEKF` without
+    masks and `Rs` does all of it in one compiled loop, where `trackhelpers.fused` can trace its model and sensors.
 
     Parameters
     ----------
@@ -80,6 +83,8 @@ def follow(kf, zs, sensors=None, dt=None, t0=0.0, Rs=None, masks=None, keep=None
     gate : float, optional
         Of one target's filter: a measurement whose NIS exceeds the chi-square quantile of this probability is an outlier, and taken as missed; of a bank of filters, the
         smallest of their NIS. Bar-Shalom, Li and Kirubarajan (2001), section 2.4.2 for the test.
+    truth : array_like, shape (n, N), for an ensemble also (n, N, M), optional
+        The true state after each step; then the history has `nees`, (N,) or (N, M), too.
 
     Returns
     -------
@@ -88,7 +93,8 @@ def follow(kf, zs, sensors=None, dt=None, t0=0.0, Rs=None, masks=None, keep=None
     Raises
     ------
     ValueError
-        Sequences of another length than zs or a gate that is no probability, before anything is moved; what predict and update raise, with the index of the measurement, at which the filter then stands.
+        Sequences of another length than zs, a gate that is no probability, or a truth of another shape or not finite, before anything is moved; what predict and update raise,
+        with the index of the measurement, at which the filter then stands.
     """
     if not hasattr(kf, "predict") or not hasattr(kf, "update"):
         raise ValueError(f"kf: expected a filter or an ensemble, got {kf!r}")
@@ -108,7 +114,11 @@ def follow(kf, zs, sensors=None, dt=None, t0=0.0, Rs=None, masks=None, keep=None
     lacking = [name for name in keep if not hasattr(kf, name)]
     if lacking:
         raise ValueError(f"keep: expected attributes of {type(kf).__name__}, got {lacking}")
-    kept, smoothable = {name: [] for name in keep}, getattr(kf, "smoothable", False)
+    truth = None if truth is None else _truth(truth, kf, len(zs), many)
+    found = _at_once(kf, zs, sensors, steps, Rs, masks, keep, truth) if many and np.isfinite(t).all() else None
+    if found is not None:
+        return History(kf, t, found, None)
+    kept, smoothable = {name: [] for name in (*keep, *(() if truth is None else ("nees",)))}, getattr(kf, "smoothable", False)
     passed, outliers = [], []
     for k, z in enumerate(zs):
         P_before = kf.P
@@ -126,9 +136,27 @@ def follow(kf, zs, sensors=None, dt=None, t0=0.0, Rs=None, masks=None, keep=None
             raise ValueError(f"zs[{k}]: {_of_step(str(error), k)}") from error
         if smoothable:
             passed.append(_Step(*prior, kf.x.copy(), kf.P.copy()))
-        for name, values in kept.items():
-            values.append(np.array(getattr(kf, {"x": "estimate", "P": "estimate_P"}.get(name, name)), dtype=float))
+        for name in keep:
+            kept[name].append(np.array(getattr(kf, {"x": "estimate", "P": "estimate_P"}.get(name, name)), dtype=float))
+        if truth is not None:
+            kept["nees"].append(np.array(kf.nees(truth[:, k])))
     return History(kf, t, {name: _stacked(values, many) for name, values in kept.items()}, passed if smoothable else None, tuple(outliers))
+
+
+def _truth(truth, kf, N, many):
+    """(n, N) or, for an ensemble, (n, N, M)."""
+    truth = check_numbers(truth, "truth")
+    return check_matrix(truth, "truth", (len(kf.estimate), N, *((kf.runs,) if many and truth.ndim == 3 else ())))
+
+
+def _at_once(kf, zs, sensors, steps, Rs, masks, keep, truth):
+    """What is kept of an ensemble, (…, N, M), moved on in one compiled loop; None where it has to go step by step."""
+    plain = sensors is not None and steps is not None and Rs is None and (masks is None or all(mask is None for mask in masks))
+    if not plain or len(zs) < 2 or not set(keep) <= {"x", "P", "y", "S", "K"} or not hasattr(kf, "_run"):
+        return None
+    if truth is None:
+        return kf._run(zs, sensors, steps, None, keep)
+    return kf._run(zs, sensors, steps, np.ascontiguousarray(truth if truth.ndim == 3 else truth[..., None]), (*keep, "nees"))
 
 
 def smooth(history):

@@ -4,6 +4,7 @@
 """
 
 from contextlib import contextmanager
+from functools import partial
 from math import pi
 
 import numpy as np
@@ -226,10 +227,6 @@ def _arctan2(y, x):
     return choose(y < 0.0, -angle, angle)
 
 
-def _sqrt(a):
-    return Symbol("llvm.sqrt", number(a))
-
-
 def _tan(a):
     cos, sin = cos_sin(a)
     return sin / cos
@@ -242,6 +239,7 @@ def wrap(angle):
     return choose(angle < -pi, inside, choose(angle >= pi, inside, angle))
 
 
+_sqrt = partial(Symbol, "llvm.sqrt")
 _UFUNCS = {"add": _add, "subtract": lambda a, b: _add(a, b, "fsub"), "multiply": _multiply, "divide": _divide, "negative": lambda a: -a}
 _UFUNCS |= {"sin": lambda a: cos_sin(a)[1], "cos": lambda a: cos_sin(a)[0], "tan": _tan, "arctan2": _arctan2, "sqrt": _sqrt}
 _UFUNCS |= {"absolute": abs, "square": lambda a: a * a, "hypot": lambda a, b: _sqrt(a * a + b * b), "power": lambda a, b: a**b}
@@ -250,10 +248,3 @@ _UFUNCS |= {"greater": lambda a, b: number(a) > b, "greater_equal": lambda a, b:
 # What holds for all runs is not known: the general branch is taken.
 _FUNCTIONS = {"all": lambda a: False, "any": lambda a: True, "where": choose, "shape": lambda a: (1,), "ndim": lambda a: 1}
 _FUNCTIONS |= {"zeros_like": lambda a, **_: number(0.0), "ones_like": lambda a, **_: number(1.0), "full_like": lambda a, b, **_: number(b)}
-
-
-class Vector(list):
-    """Symbols as a state (n, runs): what a hook indexes."""
-
-    ndim = 2
-    shape = property(lambda self: (len(self), 1))

@@ -35,6 +35,7 @@ def _ensemble_followed(**arguments):
     return follow(EnsembleEKF(CURVED, np.stack([X5, X5], axis=1), P5), sensors=RADAR, dt=1.0, **arguments)
 
 
+SEEN = Numbers([[11.0, 11.0], [0.5, 0.5], [3.0, 3.0]], optional=True)
 HISTORY = _followed(zs=[V2, V2], sensors=POSITION, dt=1.0)
 Z = Numbers([6.0, 7.0], optional=True)
 
@@ -176,6 +177,7 @@ CALLS = {
             Rs=Fixed(None),
             keep=Names(("x", "P"), optional=True),
             gate=Probability(0.99, optional=True),
+            truth=Numbers(TRUTH[:, :2], optional=True),
         ),
         Call(lambda dt: _followed(zs=[V2, V2], sensors=POSITION, dt=dt), dt=Each(Scale(1.0), Scale(1.0), number=True)),
         Call(
@@ -184,6 +186,11 @@ CALLS = {
         ),
         Call(lambda kf: follow(kf, [[11.0, 0.5, 3.0]], RADAR, 1.0), kf=Thing(MotionEKF(CURVED, X5, P5))),
         Call(_ensemble_followed, zs=Each(Numbers([[11.0, 11.0], [0.5, 0.5], [3.0, 3.0]], optional=True), length=False)),
+        Call(
+            lambda zs, truth: _ensemble_followed(zs=zs, truth=truth),
+            zs=Each(SEEN, SEEN, length=False),
+            truth=Numbers(np.ones((5, 2, 2)), optional=True),
+        ),
     ],
     "follow.smooth": [Call(smooth, history=Thing(HISTORY))],
 }

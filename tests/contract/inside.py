@@ -12,6 +12,7 @@ INSIDE = {
     "kernels.*": "the compiler of what hooks compute",
     "symbols.*": "what hooks are traced with",
     "fused.*": "the ensembles' steps, compiled: arguments that the ensembles have checked",
+    "symbolic.*": "the ensembles' algebra on symbols",
     "checks.*": "the door itself: tests/arrays",
     "tracks.*": "the door of the fusion rules",
     "numerals.without_minus_zero": "of text that was written by format",

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from trackhelpers.consistency import nees
 from trackhelpers.ensemble import EnsembleEKF, EnsembleKF
 from trackhelpers.filters import MatrixKF, MotionEKF, MotionIMM, MotionKF, MotionSquareRootUKF, MotionUKF
 from trackhelpers.follow import follow, smooth
@@ -223,3 +224,34 @@ def test_a_gate_is_a_probability(gate):
 def test_an_ensemble_has_no_gate():
     with pytest.raises(ValueError, match="gate"):
         follow(EnsembleKF(MODEL, np.zeros((4, 3)), np.eye(4)), [None], SENSOR, 1.0, gate=0.9)
+
+
+@pytest.mark.parametrize("Filter", SINGLES)
+def test_the_truth_gives_nees(Filter):
+    truth = np.random.default_rng(2).normal(size=(4, 8))
+    history = follow(Filter(MODEL, np.zeros(4), np.eye(4)), ZS, SENSOR, STEPS, truth=truth)
+    again = follow(Filter(MODEL, np.zeros(4), np.eye(4)), ZS, SENSOR, STEPS)
+    np.testing.assert_allclose(history.nees, [nees(truth[:, k], again.x[:, k], again.P[..., k]) for k in range(8)])
+    assert "nees (8,)" in repr(history) and not hasattr(again, "nees")
+
+
+@pytest.mark.parametrize("Ensemble", [EnsembleKF, EnsembleEKF])
+def test_an_ensemble_is_judged_by_one_truth_or_by_one_each(Ensemble):
+    truth = np.random.default_rng(2).normal(size=(4, 8, 3))
+    zs = [None if z is None else z[:, None] + np.arange(3) for z in ZS]
+
+    def judged(truth):
+        return follow(Ensemble(MODEL, np.zeros((4, 3)), np.eye(4)), zs, SENSOR, STEPS, keep=("x", "P"), truth=truth)
+
+    each, one = judged(truth), judged(truth[..., 0])
+    assert each.nees.shape == one.nees.shape == (8, 3)
+    np.testing.assert_allclose(each.nees, nees(truth.reshape(4, -1), each.x.reshape(4, -1), each.P.reshape(4, 4, -1)).reshape(8, 3))
+    np.testing.assert_allclose(each.nees[:, 0], one.nees[:, 0])
+
+
+@pytest.mark.parametrize("truth", [np.zeros((4, 7)), np.zeros((5, 8)), np.zeros((4, 8, 3)), np.full((4, 8), np.nan)])
+def test_a_truth_that_does_not_fit_moves_nothing(truth):
+    kf = MotionKF(MODEL, np.zeros(4), np.eye(4))
+    with pytest.raises(ValueError, match="truth: expected"):
+        follow(kf, ZS, SENSOR, STEPS, truth=truth)
+    np.testing.assert_array_equal(kf.P, np.eye(4))

@@ -1,13 +1,16 @@
 """The compiled step is NumPy's step: for every model and sensor that can be traced, in any number of runs, beside a run that has broken down."""
 
+import gc
 from unittest.mock import patch
 
 import numpy as np
 import pytest
 
 from trackhelpers import arrays, fused, kernels
+from trackhelpers.consistency import nees
 from trackhelpers.ensemble import EnsembleEKF, EnsembleKF, EnsembleUKF, covariance
-from trackhelpers.motion import CA, CCA, CSAA, CSAV, CTRA, CTRV, CV, PolarCA, PolarCV, Singer
+from trackhelpers.follow import follow
+from trackhelpers.motion import CA, CCA, CSAA, CSAV, CTRA, CTRV, CV, LinearModel, PolarCA, PolarCV, Singer
 from trackhelpers.sensors import Lidar, LinearSensor, Position, Radar, RangeBearing, Sensor
 
 pytestmark = pytest.mark.skipif(fused.binding is None, reason="llvmlite is not installed")
@@ -23,6 +26,7 @@ TRACED = {name: make() for name, make in TURNING.items()}
 TRACED |= {"CTRV, exact": TURNING["CTRV"](noise="exact"), "CTRA, exact": TURNING["CTRA"](noise="exact")}
 TRACED |= {"CTRV, constant Q": TURNING["CTRV"](Q=np.diag([1e-4, 1e-4, 0.01, 1e-4, 1e-4]))}
 TRACED |= {"CV": CV(0.5), "CA": CA(0.5), "PolarCV": PolarCV(0.5, 0.2), "PolarCA": PolarCA(0.5, 0.2), "Singer": Singer(1.0, 20.0)}
+TRACED |= {"given": LinearModel(CV(0.5).F(np.zeros(4), 0.1), CV(0.5).Q(np.zeros(4), 0.1), 0.1, CV(0.5).state)}
 LEFT = {"CTRV, continuous": TURNING["CTRV"](noise="continuous"), "CSAV, exact": TURNING["CSAV"](noise="exact")}
 R = np.array([[0.09, 0.001, 0.01], [0.001, 0.0009, 0.0], [0.01, 0.0, 0.09]])
 
@@ -265,3 +269,202 @@ def test_steps_of_any_length_cost_no_trace_each():
     got = [fused.predict(model, x, P, 0.1 + 0.01 * k) is not None for k in range(20)]
     assert got == [True] * fused.MOST_STEPS + [False] * (20 - fused.MOST_STEPS)
     assert fused.predict(model, x, P, 0.1) is not None
+
+
+def followed(model, M, steps, at_once, *, ens=None, sensor=None, dt=0.1, **more):
+    """`follow` over the measurements of `run`, with a truth common to all runs; `at_once`: in one loop, or step by step."""
+    taken = [sensor] if sensor else sensors(model)
+    taken, rng = [taken[k % len(taken)] for k in range(steps)], np.random.default_rng(1)
+    zs = [s.h(start(model, M, 2)) + 0.1 * rng.normal(size=(s.m, M)) * np.array(s.sigma)[:, None] for s in taken]
+    truth = start(model, M, 2)[:, :1] + 0.01 * rng.normal(size=(model.n, steps))
+    ens = EnsembleEKF(model, start(model, M), 0.1 * np.eye(model.n)) if ens is None else ens
+    with patch.object(fused, "run", fused.run if at_once else lambda *arguments: None):
+        return follow(ens, zs, taken, dt, **({"truth": truth} | more))
+
+
+def alike(a, b, kept):
+    pairs = {name: (getattr(a, name), getattr(b, name)) for name in kept}
+    pairs |= {f"{name} in the end": (getattr(a.filter, name), getattr(b.filter, name)) for name in ("x", "P", "y", "S", "K")}
+    for name, (one, other) in pairs.items():
+        assert one.shape == other.shape and one.flags.c_contiguous
+        assert np.abs(one - other).max(initial=0) <= 1e-12 * max(1.0, np.abs(other).max(initial=0)), name
+
+
+@pytest.fixture
+def counted(monkeypatch):
+    """How many runs were made at once."""
+    made, run_at_once = [], fused.run
+
+    def counting(*arguments):
+        ran = run_at_once(*arguments)
+        made.append(ran is not None)
+        return ran
+
+    monkeypatch.setattr(fused, "run", counting)
+    return made
+
+
+@pytest.mark.parametrize("name", TRACED)
+def test_500_steps_at_once_are_those_one_by_one_and_numpys(name, counted):
+    model = TRACED[name]
+    whole, single = (followed(model, 13, 500, at_once) for at_once in (True, False))
+    assert counted == [True]
+    alike(whole, single, ("x", "nees"))
+    with plain():
+        alike(whole, followed(model, 13, 500, True), ("x", "nees"))
+    assert np.array_equal(whole.filter.P, np.swapaxes(whole.filter.P, 0, 1))
+
+
+@pytest.mark.parametrize("name", LEFT)
+def test_a_run_of_a_model_that_cannot_be_traced_goes_step_by_step(name, counted):
+    history = followed(LEFT[name], 4, 6, True)
+    assert counted == [False]
+    alike(history, followed(LEFT[name], 4, 6, False), ("x", "nees"))
+
+
+@pytest.mark.parametrize("M", [1, 2, 7, 8, 9, 64, 127, 128, 129, 200])
+def test_runs_at_once_in_any_number(M, counted):
+    model = TRACED["CTRV"]
+    alike(followed(model, M, 7, True), followed(model, M, 7, False), ("x", "nees"))
+    assert counted == [True]
+
+
+@pytest.mark.parametrize("keep", [(), ("P",), ("x", "P", "y", "S"), ("K",)])
+def test_what_is_kept_of_steps_at_once(keep, counted):
+    model = TRACED["CTRV"]
+    for sensor in (Radar(R=R), Lidar()):
+        alike(*(followed(model, 20, 9, at_once, sensor=sensor, keep=keep) for at_once in (True, False)), (*keep, "nees"))
+    assert counted == [True, True]
+
+
+def test_y_of_several_sizes_is_padded_step_by_step(counted):
+    model = TRACED["CTRV"]
+    history = followed(model, 9, 6, True, keep=("y",))
+    assert counted == [False]
+    assert np.isnan(history.y[2, 0]).all() and np.isfinite(history.y[:, 1]).all()
+
+
+def test_a_truth_of_each_run_no_truth_and_steps_of_any_length(counted):
+    model, rng = TRACED["CTRA"], np.random.default_rng(8)
+    for truth in (rng.normal(size=(6, 12, 21)), None):
+        pair = [followed(model, 21, 12, at_once, truth=truth, dt=list(np.linspace(0, 0.3, 12))) for at_once in (True, False)]
+        alike(*pair, ("x",) if truth is None else ("x", "nees"))
+    assert counted == [True, True]
+    np.testing.assert_allclose(
+        pair[0].filter.nees(truth := rng.normal(size=6)), nees(truth, pair[1].filter.x, pair[1].filter.P, (3,)), rtol=1e-9
+    )
+
+
+def test_a_model_that_wants_its_step_as_a_number_goes_at_once_where_all_are_the_same(counted):
+    model = TRACED["Singer"]
+    followed(model, 9, 5, True)
+    history = followed(model, 9, 5, True, dt=[0.1, 0.2, 0.1, 0.1, 0.1])
+    assert counted == [True, False] and np.isfinite(history.x).all()
+
+
+@pytest.mark.parametrize("missed", [[0], [3, 4], [6], [0, 1, 2, 3, 4, 5, 6]])
+def test_missed_scans_among_steps_at_once(missed, counted):
+    model, radar = TRACED["CTRV"], Radar()
+    zs = [None if k in missed else radar.h(start(model, 9, 2)) for k in range(7)]
+    pair = []
+    for at_once in (True, False):
+        ens = EnsembleEKF(model, start(model, 9), np.eye(5))
+        with patch.object(fused, "run", fused.run if at_once else lambda *arguments: None):
+            pair.append(follow(ens, zs, [None if k == 3 and z is None else radar for k, z in enumerate(zs)], 0.1))
+    if len(missed) < 7:
+        alike(*pair, ("x",))
+    else:
+        np.testing.assert_allclose(pair[0].x, pair[1].x, atol=1e-13)
+        assert pair[0].filter.K.shape == (5, 0, 9)
+    assert counted == [True]
+
+
+def test_what_was_traced_goes_with_the_model_and_the_sensor():
+    model, radar = CTRV(0.5, 0.1), Radar()
+    for _ in range(5):
+        followed(CTRV(0.5, 0.1), 9, 3, True, sensor=radar)
+        followed(model, 9, 3, True, sensor=Radar())
+    gc.collect()
+    assert sum(radar in sensors for sensors in fused._kept_together.values()) == 0
+    assert len(fused._kept_together[model]) == 0
+
+
+def test_states_that_somebody_sets_as_whole_numbers_are_read_as_numbers():
+    model = TRACED["CTRV"]
+    pair = []
+    for at_once in (True, False):
+        ens = EnsembleEKF(model, start(model, 9), np.eye(5))
+        ens.x = np.ones((5, 9), dtype=int)
+        pair.append(followed(model, 9, 4, at_once, ens=ens))
+    alike(*pair, ("x", "nees"))
+
+
+def test_a_step_that_the_model_refuses_is_refused_at_its_place():
+    model = TRACED["given"]
+    ens = EnsembleEKF(model, start(model, 9), np.eye(4))
+    with pytest.raises(ValueError, match=r"zs\[2\]: dt: expected 0.1 s"):
+        followed(model, 9, 4, True, ens=ens, dt=[0.1, 0.1, 0.2, 0.1])
+    assert np.isfinite(ens.x).all() and ens.y.shape == (3, 9)
+
+
+def test_masks_other_noise_an_iterated_filter_and_a_subclass_go_step_by_step(counted):
+    model = TRACED["CTRV"]
+
+    class Other(EnsembleEKF):
+        pass
+
+    followed(model, 9, 4, True, masks=[None, np.arange(9) < 3, None, None])
+    followed(model, 9, 4, True, sensor=Radar(), Rs=R)
+    followed(model, 9, 4, True, ens=EnsembleEKF(model, start(model, 9), np.eye(5), iterations=2))
+    followed(model, 9, 4, True, ens=Other(model, start(model, 9), np.eye(5)))
+    followed(
+        TRACED["CV"], 9, 4, True, sensor=Position(0.2, TRACED["CV"].state), ens=EnsembleKF(TRACED["CV"], start(TRACED["CV"], 9), np.eye(4))
+    )
+    assert counted == []
+    followed(model, 9, 4, True, masks=[None] * 4)
+    assert counted == [True]
+
+
+@pytest.mark.parametrize("broken", [3, 70, 199])
+def test_a_run_that_breaks_down_in_steps_at_once_leaves_its_neighbours_bit_for_bit(broken):
+    model, made = TRACED["CTRV"], []
+    for spoilt in (False, True):
+        ens = EnsembleEKF(model, start(model, 200), 0.1 * np.eye(5))
+        if spoilt:
+            ens.P[0, 0, broken] = -50.0
+        made.append(followed(model, 200, 20, True, ens=ens))
+    clean, spoilt = made
+    others = np.arange(200) != broken
+    assert np.array_equal(np.flatnonzero(spoilt.filter.failed), [broken])
+    assert np.isnan(spoilt.nees[-1, broken])
+    for a, b in ((clean.x, spoilt.x), (clean.nees, spoilt.nees), (clean.filter.P, spoilt.filter.P)):
+        assert np.array_equal(a[..., others], b[..., others])
+
+
+def test_a_measurement_that_is_refused_stops_the_run_at_its_step():
+    model, radar = TRACED["CTRV"], Radar()
+    zs = [radar.h(start(model, 9, 2)) for _ in range(4)]
+    bad = [*zs[:2], np.full((3, 9), np.nan), zs[3]]
+    stopped, expected = (EnsembleEKF(model, start(model, 9), np.eye(5)) for _ in range(2))
+    with pytest.raises(ValueError, match=r"zs\[2\]: z: expected finite measurements"):
+        follow(stopped, bad, radar, 0.1)
+    follow(expected, zs[:2], radar, 0.1)
+    expected.predict(0.1)
+    np.testing.assert_allclose(stopped.x, expected.x, atol=1e-13)
+
+
+def test_a_run_of_measurements_for_all_of_whole_numbers_or_of_parts_of_arrays():
+    model, lidar = TRACED["CTRV"], Lidar()
+    block = np.random.default_rng(3).normal(size=(2, 6, 18))
+    given = [
+        list(np.moveaxis(block, 1, 0)[..., ::2]),  # not in one piece
+        np.moveaxis(block, 1, 0)[..., ::2].astype(np.float32),
+        [[[1], [2]]] * 6,
+    ]
+    for zs in given:
+        made = []
+        for at_once in (True, False):
+            ens = EnsembleEKF(model, start(model, 9), np.eye(5))
+            with patch.object(fused, "run", fused.run if at_once else lambda *arguments: None):
+                made.append(follow(ens, zs, lidar, 0.1))
+        alike(*made, ("x",))

@@ -92,3 +92,11 @@ def test_what_only_a_number_can_answer_is_not_traceable(function):
     with tracing(), pytest.raises(TypeError):
         function(Symbol("load", 0, 0))
     assert issubclass(NotTraceable, TypeError)
+
+
+def test_a_number_that_all_runs_share_is_read_once_for_all():
+    with tracing():
+        kernel = kernels.Kernel([((2,), [Symbol("shared", 0, 0) + Symbol("load", 1, 0), Symbol("shared", 0, 1)])])
+    common, rows = np.zeros((2, 11)), np.arange(11.0)[None]
+    common[:, 0] = 3.0, 4.0  # the first of each row
+    np.testing.assert_array_equal(kernel(11, common, rows)[0], [3.0 + rows[0], np.full(11, 4.0)])

@@ -10,10 +10,11 @@ A run that diverges or whose innovation covariance is no longer positive definit
 import numpy as np
 
 from trackhelpers import angles, fused
-from trackhelpers.arrays import check_dt, cholesky, matvec
+from trackhelpers.arrays import all_finite, check_dt, cholesky, matvec
 from trackhelpers.ensemble.base import QUIET, Ensemble
 from trackhelpers.ensemble.covariance import correct, gain, mirror, propagate
 from trackhelpers.filters.motion_ukf import check_known, check_sigma_points, warn_unknown
+from trackhelpers.filters.on_model import check_fit
 from trackhelpers.manoeuvre import check_window
 
 
@@ -47,6 +48,29 @@ class EnsembleEKF(Ensemble):
     def predict(self, dt):
         """Predict over `dt` seconds, dt ≥ 0."""
         self.x, self.P = _linearised(self, check_dt(dt))
+
+    def _run(self, zs, sensors, steps, truth, keep):
+        """Move on by many steps at once and return what `fused.run` keeps of them; None, and nothing is moved, where they are to be taken one by one, or one is to be refused."""
+        if type(self) is not EnsembleEKF or self.iterations > 1 or not all(map(self._usable, zs, sensors)):
+            return None
+        taken = [None if z is None else sensor for z, sensor in zip(zs, sensors, strict=True)]
+        try:
+            for sensor in {id(each): each for each in taken if each is not None}.values():
+                check_fit(sensor, self.model)
+        except ValueError:
+            return None
+        ran = fused.run(self.model, self.x, self.P, zs, taken, steps, truth, keep)
+        if ran is None:
+            return None
+        history, last = ran
+        self.x, self.P, self.y, self.S, self.K = (last[name] for name in ("x", "P", "y", "S", "K"))
+        return history
+
+    def _usable(self, z, sensor):
+        """Whether a measurement, if it is one, is an array that the compiled code reads as it is."""
+        if z is None or sensor is None:
+            return z is None
+        return type(z) is np.ndarray and z.dtype == float and z.shape == (sensor.m, self.runs) and all_finite(z)
 
     def _corrected(self, x, P, z, sensor, R):
         corrected = fused.update(sensor, self.model, x, P, z, R) if self.iterations == 1 else None
