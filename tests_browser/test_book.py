@@ -12,7 +12,7 @@ DRAWN = "input => [...input.closest('figure').querySelectorAll('.c')].map(path =
 
 # What is wrong with a page as it is shown, in words; what scrolls in a box of its own is not too wide.
 LOOK = """() => {
-  const faults = [], article = document.querySelector("article"), column = article.getBoundingClientRect();
+  const faults = [], article = document.querySelector("article, main"), column = article.getBoundingClientRect();
   const all = query => [...article.querySelectorAll(query)];
   if (document.scrollingElement.scrollWidth > document.scrollingElement.clientWidth) faults.push("the page scrolls sideways");
   const scrolls = element => {
@@ -123,13 +123,15 @@ def test_every_fold_opens_and_every_page_fits_and_does_not_complain(visit, pages
     opened = 0
     for path in every(pages):
         page = visit(path)
-        folds = page.locator("details.hide")
-        for k in range(folds.count()):
-            fold = folds.nth(k)
-            assert fold.evaluate(
-                "fold => { const before = fold.open; fold.querySelector('summary').click(); return fold.open !== before; }"
-            )
-            opened += 1
+        toggled = page.evaluate(
+            """() => [...document.querySelectorAll("details.hide")].map(fold => {
+              const before = fold.open;
+              fold.querySelector("summary").click();
+              return fold.open !== before;
+            })"""
+        )
+        assert all(toggled), path.name
+        opened += len(toggled)
         page.evaluate("() => { for (const image of document.images) image.loading = 'eager'; }")
         page.wait_for_function("[...document.images].every(image => image.complete)")
         assert page.evaluate(LOOK) == [], path.name
