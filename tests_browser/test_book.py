@@ -10,6 +10,39 @@ SLIDERS = "figure.playground input[type=range]"
 # The paths of a playground's pictures, by which one sees that it moved.
 DRAWN = "input => [...input.closest('figure').querySelectorAll('.c')].map(path => path.getAttribute('d')).join()"
 
+# What is wrong with a page as it is shown, in words; what scrolls in a box of its own is not too wide.
+LOOK = """() => {
+  const faults = [], article = document.querySelector("article, main"), column = article.getBoundingClientRect();
+  const all = query => [...article.querySelectorAll(query)];
+  if (document.scrollingElement.scrollWidth > document.scrollingElement.clientWidth) faults.push("the page scrolls sideways");
+  const scrolls = element => {
+    for (let box = element.parentElement; box && box !== article; box = box.parentElement)
+      if (getComputedStyle(box).overflowX !== "visible" && box.clientWidth <= column.width + 1) return true;
+    return false;
+  };
+  for (const table of all("table, pre, img, figure, p, li")) {
+    const box = table.getBoundingClientRect();
+    if (box.width && box.right > column.right + 1 && !scrolls(table))
+      faults.push(`${table.tagName} wider than the column: ${table.textContent.trim().slice(0, 40)}`);
+  }
+  for (const cell of all("th")) if (!cell.textContent.trim()) faults.push("an empty header cell");
+  for (const image of all("img")) {
+    if (!(image.getAttribute("alt") || "").trim()) faults.push(`no alt text: ${image.src}`);
+    const points = image.getBoundingClientRect().width / image.naturalWidth * 150 / 72;
+    if (innerWidth < 640 && image.closest("div.cell_output") && 7 * points < 9) faults.push(`letters of 7 pt have ${7 * points} px: ${image.src}`);
+  }
+  let last = 0;
+  for (const heading of all("h1, h2, h3, h4, h5, h6")) {
+    if (+heading.tagName[1] > last + 1) faults.push(`a heading leaps: ${heading.textContent}`);
+    last = +heading.tagName[1];
+  }
+  for (const button of all("input, select, button, summary")) {
+    const box = button.getBoundingClientRect();
+    if (box.width && Math.min(box.width, box.height) < 24) faults.push(`${button.tagName} of ${box.width} x ${box.height} px`);
+  }
+  return faults;
+}"""
+
 
 @pytest.fixture(
     scope="module", params=[(width, scheme) for width in WIDTHS for scheme in ("light", "dark")], ids=lambda p: f"{p[0]}-{p[1]}"
@@ -86,17 +119,22 @@ def test_the_letters_stand_out_from_the_page(visit, pages):
     assert (page.evaluate("document.documentElement.dataset.theme") or "light") == visit.scheme
 
 
-def test_every_fold_opens_and_no_page_complains(visit, pages):
+def test_every_fold_opens_and_every_page_fits_and_does_not_complain(visit, pages):
     opened = 0
     for path in every(pages):
         page = visit(path)
-        folds = page.locator("details.hide")
-        for k in range(folds.count()):
-            fold = folds.nth(k)
-            assert fold.evaluate(
-                "fold => { const before = fold.open; fold.querySelector('summary').click(); return fold.open !== before; }"
-            )
-            opened += 1
+        toggled = page.evaluate(
+            """() => [...document.querySelectorAll("details.hide")].map(fold => {
+              const before = fold.open;
+              fold.querySelector("summary").click();
+              return fold.open !== before;
+            })"""
+        )
+        assert all(toggled), path.name
+        opened += len(toggled)
+        page.evaluate("() => { for (const image of document.images) image.loading = 'eager'; }")
+        page.wait_for_function("[...document.images].every(image => image.complete)")
+        assert page.evaluate(LOOK) == [], path.name
         assert visit.faults == [], path.name
     assert opened > 100
 
@@ -117,3 +155,38 @@ def test_the_ledger_is_searched_as_one_types(visit, pages):
     page.locator("#ledger-search").fill("")
     assert left.count() == whole
     assert visit.faults == []
+
+
+@pytest.mark.parametrize(
+    "number",
+    [
+        *("Table 3", "Table 9", "Figure 6", "(2.13)", "(3.10)"),
+        *("2: Figure 1", "2: Figure 3", "2: Figure 5", "2: Figure 8", "2: Figure 10"),
+        *("3: Table 1", "3: Figure 2", "3: (1)", "3: (13)", "3: (31)"),
+        *("4: Figure 1", "4: Figure 4", "4: Figure 9", "4: (1)", "4: (7)"),
+    ],
+)
+def test_a_printed_number_is_two_clicks_from_its_proof(visit, pages, number):
+    paper, _, name = number.rpartition(": ")
+    page = visit(pages / "00_start_here.html")
+    page.locator("article").get_by_role("link", name="by its number").click()
+    section = page.locator("article section section").nth(int(paper or 1) - 1)
+    section.get_by_role("link", name=name, exact=True).click()
+    page.wait_for_load_state()
+    place = page.evaluate("decodeURIComponent(location.hash.slice(1))")
+    assert place.startswith("row-") and page.locator(f"[id='{place}']").count() == 1
+    assert visit.faults == []
+
+
+def test_the_largest_pages_are_painted_within_a_second(browser, pages):
+    largest = sorted(every(pages), key=lambda path: path.stat().st_size)[-3:]
+    for path in largest:
+        taken = []
+        for _ in range(3):  # the best of three, as a busy machine may take any time
+            page = browser.new_page()
+            page.goto(path.as_uri())
+            paints = "performance.getEntriesByName('first-contentful-paint')"
+            page.wait_for_function(f"{paints}.length")
+            taken.append(page.evaluate(f"{paints}[0].startTime"))
+            page.close()
+        assert min(taken) < 1000, f"{path.name}: {taken}"

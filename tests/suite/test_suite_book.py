@@ -72,7 +72,8 @@ def test_a_shown_figure_is_one_image_with_its_caption_below_and_as_alt_text(stor
     text = path.read_text(encoding="utf-8").replace("(#run)", "(00_start_here.ipynb)".replace("00", "../00"))
     path.write_text(text, encoding="utf-8")
     page = (book.pages(start.parent, tmp_path / "book").parent / "1_thesis/1_first.html").read_text(encoding="utf-8")
-    (alt,) = re.findall(r'<img alt="([^"]*)" src="[^"]*_images/', page)
+    ((alt, width),) = re.findall(r'<img alt="([^"]*)" src="[^"]*_images/[^"]*" style="width: (\d+)px;"', page)
+    assert 640 <= int(width) <= 700  # of 7 inches
     assert alt == "Figure 1-1. The error of x in the first run, x &lt; 1."
     assert "<strong>Figure 1-1.</strong> The <em>error</em> of" in page
 
@@ -95,3 +96,23 @@ def test_folded_bookkeeping_has_a_prompt_of_its_own(store, tmp_path):
 )
 def test_alt_text_is_the_caption_without_its_markup(caption, read):
     assert plain(caption) == read
+
+
+def test_a_second_build_has_the_same_bytes(store, tmp_path):
+    start = store("00_start_here.ipynb", title="The map")
+    run([store("1_thesis/1_first.ipynb", SHOW.replace("](#run)", "](../00_start_here.ipynb)"))], lambda p: p, folder=start.parent)
+    books = [book.pages(start.parent, tmp_path / name).parent for name in ("one", "two")]
+    one, two = ({path.relative_to(html): path.read_bytes() for path in html.rglob("*") if path.is_file()} for html in books)
+    assert [path for path in one | two if one.get(path) != two.get(path)] == []
+
+
+def test_a_header_cell_that_would_be_empty_is_a_plain_one():
+    table = '<tr><th class="blank">&nbsp;</th><th>x</th></tr><tr><th><p></p></th><td></td></tr>'
+    plain_cells = '<tr><td class="blank"></td><th>x</th></tr><tr><td></td><td></td></tr>'
+    assert book.without_empty_headers(table) == plain_cells
+
+
+def test_a_page_of_rows_is_named_for_its_chapter():
+    text = '# Rows of 1_thesis/1_first\n\n<a id="gain"></a>\n\n## gain\n'
+    page = book.page_of_rows(text, {"1_thesis/1_first": "Paper 1, chapter 1 · The first"})
+    assert page.endswith("# Rows of Paper 1, chapter 1 · The first\n\n## gain\n")

@@ -9,7 +9,7 @@ import pytest
 from trackhelpers.ledger import read_ledger
 from trackhelpers.suite import book
 from trackhelpers.suite.for_the_book import for_the_book
-from trackhelpers.suite.ledger_page import by_number, ledger_page, places_of
+from trackhelpers.suite.ledger_page import by_number, ledger_page, places_of, titles
 
 v4 = nbformat.v4
 ROW = {
@@ -53,6 +53,14 @@ def test_the_page_holds_every_row_once_escaped_and_searchable():
     assert page.count("<li ") == 2 and page.count('data-v="reproduced"') == 2
     assert "&lt; 1" in page and r"\(x\)" in page and "✓ reproduced" in page
     assert "results/1_thesis__2_kalman_filter.html#row-1" in page
+
+
+def test_a_row_names_its_chapter_by_number_and_title():
+    cells = [v4.new_markdown_cell("# 2 · The filter & its $x$"), v4.new_code_cell("# 1")]
+    called = titles({"1_thesis/2_kalman_filter": v4.new_notebook(cells=cells), "00_start_here": v4.new_notebook(cells=cells[1:])})
+    assert called == {"1_thesis/2_kalman_filter": "Paper 1, chapter 2 · The filter & its $x$", "00_start_here": "00_start_here"}
+    row = ledger_page(rows("Table 9"), called)
+    assert "Paper 1, chapter 2 · The filter &amp; its" in row and r"\(x\)</span>: row-0</a>" in row
 
 
 LINK = "[✓ reproduced](../results/1_thesis__2_kalman_filter.md#{})"

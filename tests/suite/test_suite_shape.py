@@ -70,3 +70,39 @@ def test_text_between_two_tables_counts():
         cells=[nbformat.v4.new_markdown_cell(f"{table}\n\nthree words here\n\n{table}\n\none < two, four > three")]
     )
     assert shape.words(notebook) == 7
+
+
+@pytest.mark.parametrize(
+    ("text", "tags"),
+    [
+        (r"$$a = b \tag{3.9}$$", []),
+        ("$$\\begin{aligned} a &= b \\\\ c &= d \\end{aligned}\n\\tag{a}$$", []),
+        ("a price of $5, `$$`, inline $x$ and\n\n```\n$$a$$\n```", []),
+        ("$$a = b$$", [0]),
+        (r"$$a \tag{1}$$ and $$b$$ and $$c \tag{2} \tag{3}$$", [0, 2]),
+    ],
+)
+def test_a_displayed_equation_carries_one_number(text, tags):
+    found = shape.untagged(v4.new_notebook(cells=[v4.new_markdown_cell(text), v4.new_code_cell("'$$a$$'")]))
+    assert [int(fault.split(" tags")[0].rpartition(" ")[2]) for fault in found] == tags
+
+
+@pytest.mark.parametrize(
+    ("cells", "bare"),
+    [
+        (["text", "a", "text", "b"], []),
+        (["text", "a", ("b", FOLDED), "text", "c"], []),
+        (["text", "# your code here", ("b", FOLDED)], []),
+        (["text", "a", "# your code here"], []),
+        (["text", "a", "b", "c"], [2, 3]),
+        (["text", ("a", FOLDED), "b"], [2]),
+        (["text", "a", " ", "b"], [3]),
+    ],
+)
+def test_an_open_cell_that_no_text_leads_to_is_named(cells, bare):
+    made = []
+    for k, cell in enumerate(cells):
+        source, metadata = (cell, {}) if isinstance(cell, str) else cell
+        make = v4.new_markdown_cell if source in ("text", " ") else v4.new_code_cell
+        made.append(make(source, metadata=metadata, id=f"c{k}"))
+    assert [int(fault.split()[1][1:]) for fault in shape.unintroduced(v4.new_notebook(cells=made))] == bare

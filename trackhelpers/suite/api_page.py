@@ -6,6 +6,8 @@ import pkgutil
 import re
 from importlib.util import find_spec
 
+from trackhelpers.suite.ledger_page import titles
+
 __all__ = ["GROUPS", "api_pages", "homes", "users"]
 
 GROUPS = {  # page -> title, modules and packages
@@ -61,7 +63,7 @@ def users(notebooks):
 
 def api_pages(notebooks):
     """Return the pages, name of the file -> MyST, for the book's notebooks as `users` takes them."""
-    used, known = users(notebooks), homes()
+    used, known, called = users(notebooks), homes(), titles(notebooks)
     pages = {}
     for page, (title, names) in GROUPS.items():
         parts = [f"# {title}"]
@@ -69,7 +71,7 @@ def api_pages(notebooks):
             parts += [f"## {module.removeprefix('trackhelpers.')}", f"```{{eval-rst}}\n.. automodule:: {module}\n   :members:\n```"]
             here = [name for name, (_, full) in known.items() if full.rpartition(".")[0] == module and name in used]
             if here:
-                lines = [f"* `{name}`: " + ", ".join(f"[{n}]({n}.ipynb)" for n in used[name][:4]) for name in here]
+                lines = [f"* `{name}`: " + "; ".join(f"[{called[n]}]({n}.ipynb)" for n in used[name][:4]) for name in here]
                 parts += ["In the notebooks:", "\n".join(lines)]
         pages[f"{page}.md"] = "\n\n".join(parts) + "\n"
     return pages

@@ -14,7 +14,7 @@ from trackhelpers.ledger import read_ledger
 from trackhelpers.suite import FIRST_PAGE, NOTEBOOKS, ROOT, form, notebooks, written
 from trackhelpers.suite.api_page import GROUPS, api_pages, homes
 from trackhelpers.suite.for_the_book import for_the_book
-from trackhelpers.suite.ledger_page import by_number, ledger_page, places_of
+from trackhelpers.suite.ledger_page import by_number, ledger_page, places_of, titles
 from trackhelpers.suite.run import run
 
 # Captions of the parts; a folder that is not named here gets its name, made readable.
@@ -25,6 +25,9 @@ PARTS = {
     "4_space_tdoa": "4 · Space targets by TDOA",
     "5_real_targets": "5 · Real targets",
 }
+
+# Said on the first page: any printed number is two clicks away from its proof, on a phone too, where the table of contents is out of sight.
+LOOK_UP = "To look something up: [a table, figure or equation by its number](by_number.md), or [the whole ledger](ledger.md)."
 
 
 def build(folder=NOTEBOOKS, out=ROOT / "build"):
@@ -68,26 +71,30 @@ def pages(executed, out, with_written=False):
     shutil.copytree(executed, source)
     chapters = {path.relative_to(source).with_suffix("").as_posix(): nbformat.read(path, as_version=4) for path in notebooks(source)}
     ledger = read_ledger(source / "results", source / "questions") if any((source / "results").glob("*__*.csv")) else None
-    places = {} if ledger is None else places_of(ledger)
+    places, called = {} if ledger is None else places_of(ledger), titles(chapters)
     for name, text in api_pages(chapters).items():
         (source / name).write_text(text, encoding="utf-8")
     for name, notebook in chapters.items():
         rows = () if ledger is None else ledger.loc[ledger["notebook"] == name, "id"]
         form.write(for_the_book(notebook, name, places, list(rows), homes()), source / f"{name}.ipynb")
     if ledger is not None:
-        (source / "ledger.md").write_text(ledger_page(ledger), encoding="utf-8")
+        (source / "ledger.md").write_text(ledger_page(ledger, called), encoding="utf-8")
         (source / "by_number.md").write_text(by_number(places), encoding="utf-8")
     if with_written:
         written.lay(source)
     for path in (source / "results").glob("*.md"):
-        path.write_text(page_of_rows(path.read_text(encoding="utf-8")), encoding="utf-8")
+        path.write_text(page_of_rows(path.read_text(encoding="utf-8"), called), encoding="utf-8")
     first = nbformat.read(source / FIRST_PAGE, as_version=4)
+    if ledger is not None:
+        first.cells.insert(1, nbformat.v4.new_markdown_cell(LOOK_UP, id="look-up"))
     first.cells.append(nbformat.v4.new_markdown_cell(contents(source), id="table-of-contents"))
     form.write(first, source / FIRST_PAGE)
     command = [sys.executable, "-m", "sphinx", "-W", "--keep-going", "-q", "-b", "html", "-c", ROOT / "book"]
     # in a session of its own, so that Ctrl-C is this program's to tell of
     if subprocess.run([*command, "-d", out / "doctrees", source, html], start_new_session=True).returncode:
         raise RuntimeError("Sphinx warned, see above: the book is not built")
+    for page in html.rglob("*.html"):
+        page.write_text(without_empty_headers(page.read_text(encoding="utf-8")), encoding="utf-8")
     outside = outside_addresses(html)
     if outside:
         raise RuntimeError("the book would load from the network:\n" + "\n".join(outside))
@@ -100,8 +107,14 @@ def pages(executed, out, with_written=False):
     return index
 
 
-def page_of_rows(text):
-    """Return a notebook's page of rows for the book, which reaches it by links alone; its headings are anchors there."""
+def without_empty_headers(text):
+    """Return a page whose tables have a plain cell where a header cell would be empty, as in the corner of a matrix: a reader's voice would announce it."""
+    return re.sub(r"<th([^>]*)>(\s|&nbsp;|&#160;|<p>\s*</p>)*</th>", r"<td\1></td>", text)
+
+
+def page_of_rows(text, called):
+    """Return a notebook's page of rows for the book, which reaches it by links alone: its headings are anchors there, its title is the chapter's, of `called`."""
+    text = re.sub(r"^# Rows of (.*)$", lambda name: f"# Rows of {called.get(name[1], name[1])}", text, count=1, flags=re.MULTILINE)
     return "---\norphan: true\n---\n\n" + re.sub(r'<a id="[^"]*"></a>\n\n', "", text)
 
 

@@ -1,6 +1,8 @@
 """What the book adds to a notebook: prompts for what is folded, alt texts, a place to point at for every row, links from equation numbers, the language of Chinese words."""
 
+import base64
 import re
+import struct
 
 import nbformat
 
@@ -10,6 +12,7 @@ MOVED = {
     "../book/pages/": "pages/",
     "../book/symbols.csv": "pages/symbols.md",
 }  # from the start page: where a link leads in the repository, and in the book
+STORED_DPI = 150  # of `plots.show`
 PROMPTS = {"hide-cell": "Bookkeeping", "imports": "Imports", "picture": "How the picture is drawn", "cast": "The cast"}
 _OWN_ROW = re.compile(r"\[[^\]\[]*\]\(\.\./results/([a-z0-9_]+?__[a-z0-9_]+)\.md#([a-z0-9-]+)")
 _CHINESE = re.compile(r"[\u3400-\u9fff\uff00-\uffef\u3000-\u303f]+")
@@ -48,11 +51,21 @@ def for_the_book(notebook, name="", places=None, rows=(), homes=None):
         captions = [output.data.get("text/markdown", "") for output in cell.get("outputs", []) if "data" in output]
         captions = [plain(text) for text in captions if text.startswith("**Figure ")]
         if captions:
-            options["image"] = {"alt": " ".join(captions)}
+            options["image"] = {"alt": " ".join(captions)} | _width(cell)
         if options:
             cell.metadata["mystnb"] = options
     _point_at_answers(notebook, [id for id in rows if id not in pointed])
     return notebook
+
+
+def _width(cell):
+    """The width at which a cell's image is shown where there is room: 96 pixels an inch, so that letters of 7 pt have more than 9 pixels."""
+    for output in cell.outputs:
+        png = output.get("data", {}).get("image/png")
+        if png:
+            (pixels,) = struct.unpack(">I", base64.b64decode(png[:48])[16:20])  # of a PNG's head
+            return {"width": f"{pixels * 96 / STORED_DPI:.0f}px"}
+    return {}
 
 
 def _fold_the_opening(notebook):

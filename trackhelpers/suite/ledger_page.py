@@ -6,7 +6,7 @@ from html import escape
 from trackhelpers.ledger import MARKS, VERDICTS
 from trackhelpers.ledger.numbers import short, shown
 
-__all__ = ["by_number", "ledger_page", "places_of"]
+__all__ = ["by_number", "ledger_page", "places_of", "titles"]
 
 PAPERS = {
     "1_thesis": "Paper 1, the thesis",
@@ -40,6 +40,18 @@ if (asked.has("q")) box.value = asked.get("q");
 picks.forEach(pick => { if (asked.has(pick.name)) pick.value = asked.get(pick.name); });
 show();
 """
+
+
+def titles(chapters):
+    """Return what a link to a chapter is called, name -> "Paper 1, chapter 2 · The Kalman filter"; `chapters` maps a name to a notebook."""
+    found = {}
+    for name, notebook in chapters.items():
+        text = "\n".join(cell.source for cell in notebook.cells if cell.cell_type == "markdown")
+        heading = re.search(r"^# +(.*)", text, flags=re.MULTILINE)
+        title = heading[1] if heading else name
+        paper = PAPERS.get(name.split("/")[0], "").partition(",")[0]
+        found[name] = f"{paper}, {'chapter ' if title[0].isdigit() else ''}{title}" if paper else title
+    return found
 
 
 def places_of(ledger):
@@ -79,9 +91,9 @@ def by_number(places):
     return "\n".join(lines) + "\n"
 
 
-def ledger_page(ledger):
-    """Return the whole ledger as a page that filters as one types, from a file too: MyST with HTML and a few lines of script."""
-    rows = "\n".join(_row(row) for row in ledger.to_dict("records"))
+def ledger_page(ledger, called=None):
+    """Return the whole ledger as a page that filters as one types, from a file too: MyST with HTML and a few lines of script; `called` are the chapters' `titles`."""
+    rows = "\n".join(_row(row, (called or {}).get(row["notebook"], row["notebook"])) for row in ledger.to_dict("records"))
     papers = {paper: title for paper, title in PAPERS.items() if ledger["notebook"].str.startswith(paper + "/").any()}
     verdicts = {verdict: verdict for verdict in VERDICTS if (ledger["verdict"] == verdict).any()}
     kinds = {kind: kind for kind in sorted(set(ledger["kind"]))}
@@ -108,7 +120,7 @@ def _select(name, label, options):
     return f'<label>{label} <select name="{name}"><option value="">all</option>{choices}</select></label>'
 
 
-def _row(row):
+def _row(row, title):
     ours = escape(shown(row)) + (f" [{short(row['low'])}, {short(row['high'])}]" if row["low"] else "")
     paper, page = row["notebook"].split("/")[0], row["notebook"].replace("/", "__", 1)
     parts = [_asked(row["paper"]), f"ours: {ours}" if ours else "", escape(row["note"])]
@@ -116,7 +128,7 @@ def _row(row):
         f'<li data-p="{paper}" data-v="{row["verdict"]}" data-k="{row["kind"]}">'
         f'<a href="{row["notebook"]}.html#row-{row["id"]}">{escape(row["where"])}</a> {_formulas(escape(row["quantity"]))} '
         f"<b>{MARKS[row['verdict']]}</b> <small>{_formulas('; '.join(filter(None, parts)))} "
-        f'<a href="results/{page}.html#{row["id"]}">{row["notebook"]}: {row["id"]}</a></small></li>'
+        f'<a href="results/{page}.html#{row["id"]}">{_formulas(escape(title))}: {row["id"]}</a></small></li>'
     )
 
 

@@ -6,12 +6,14 @@ from statistics import median
 
 from IPython.core.inputtransformer2 import TransformerManager
 
-__all__ = ["faults", "statements", "words"]
+__all__ = ["faults", "statements", "unintroduced", "untagged", "words"]
 
 MOST_STATEMENTS, MEDIAN_STATEMENTS, LINE, MOST_WORDS = 15, 6, 82, 3800
 
 _LEDGER = re.compile(r"(?<![\w.])ledger\.")
 _FIGURE = re.compile(r"\bplots\.show\(|\bPlayground\(")
+_CODE = re.compile(r"```.*?```|`[^`\n]*`", re.DOTALL)
+_DISPLAYED = re.compile(r"\$\$(.*?)\$\$", re.DOTALL)
 _NOT_WORDS = re.compile(
     r"```.*?```|\$\$.*?\$\$|\$[^$\n]+\$|^[ \t]*\|[^\n]*\|[ \t]*$|</?[a-zA-Z][^>\n]*>|\]\([^)]*\)", re.DOTALL | re.MULTILINE
 )
@@ -27,6 +29,34 @@ def words(notebook):
     """Return the number of words of a notebook's text, without formulas, code, tables and the addresses of links."""
     text = "\n\n".join(cell.source for cell in notebook.cells if cell.cell_type == "markdown")
     return len(re.findall(r"\w[\w'’-]*", _NOT_WORDS.sub(" ", text)))
+
+
+def _folded(cell):
+    return bool({"hide-cell", "hide-input"} & set(cell.metadata.get("tags", [])))
+
+
+def untagged(notebook):
+    """Return a line of text for each displayed equation, ``$$…$$``, that does not carry exactly one ``\\tag``."""
+    found = []
+    for cell in notebook.cells:
+        if cell.cell_type == "markdown":
+            for equation in _DISPLAYED.findall(_CODE.sub("", cell.source)):
+                tags = len(re.findall(r"\\tag\b", equation))
+                if tags != 1:
+                    found.append(f"cell {cell.id} has an equation with {tags} tags, expected one: {' '.join(equation.split())[:60]}")
+    return found
+
+
+def unintroduced(notebook):
+    """Return a line of text for each open code cell that follows a code cell, open or folded, without text between; one that only waits for the reader needs none."""
+    found, before = [], None
+    for cell in notebook.cells:
+        if cell.cell_type == "markdown" and not cell.source.strip():
+            continue
+        if cell.cell_type == before == "code" and not _folded(cell) and statements(cell.source):
+            found.append(f"cell {cell.id} follows another code cell, expected text that says what it is for")
+        before = cell.cell_type
+    return found
 
 
 def faults(notebook):
@@ -45,14 +75,13 @@ def faults(notebook):
         if cell.cell_type != "code":
             continue
         tags = cell.metadata.get("tags", [])
-        folded = {"hide-cell", "hide-input"} & set(tags)
         figures, count = len(_FIGURE.findall(cell.source)), statements(cell.source)
         wide = max((len(line) for line in cell.source.splitlines()), default=0)
         if wide > LINE:
             found.append(f"cell {cell.id} has a line of {wide} characters, expected at most {LINE}")
         if figures > 1:
             found.append(f"cell {cell.id} shows {figures} figures, expected one a cell")
-        if not folded and not figures and count:  # a cell that is a comment waits for the reader
+        if not _folded(cell) and not figures and count:  # a cell that is a comment waits for the reader
             counts.append(count)
             if count > MOST_STATEMENTS:
                 found.append(f"cell {cell.id} has {count} statements, expected at most {MOST_STATEMENTS}")
