@@ -17,6 +17,7 @@ INSIDE = {
     "tracks.*": "the door of the fusion rules",
     "numerals.without_minus_zero": "of text that was written by format",
     "ensemble.covariance.*": "the ensembles' algebra on arrays that they have checked",
+    "ensemble.unscented_compiled.*": "the ensembles' algebra on arrays that they have checked",
     "ensemble.shared.*": "the ensembles' algebra on arrays that they have checked",
     "ensemble.many_matrix_filters.Matrices": "matrices that the ensembles have checked",
     "ensemble.many_matrix_filters.Matrices.*": "matrices that the ensembles have checked",

@@ -1,8 +1,10 @@
+import warnings
+
 import numpy as np
 import pytest
 
 from trackhelpers.angles import residual
-from trackhelpers.ensemble import EnsembleEKF, EnsembleKF, EnsembleUKF, exact_error
+from trackhelpers.ensemble import EnsembleEKF, EnsembleKF, EnsembleUKF, exact_error, unscented_compiled
 from trackhelpers.filters import MotionEKF, MotionKF, MotionUKF
 from trackhelpers.motion import CA, CCA, CSAV, CTRA, CTRV, CV
 from trackhelpers.scenarios.thesis import lidar_radar
@@ -208,3 +210,27 @@ def test_the_unscented_prediction_of_a_linear_model_is_that_of_its_sigma_points(
     ens.predict(0.7)
     np.testing.assert_allclose(ens.x, x, atol=1e-13)
     np.testing.assert_allclose(ens.P, P, atol=1e-13)
+
+
+def test_the_unscented_filter_is_the_same_compiled_or_not(monkeypatch):
+    """A sensor without angles is what the compiled update serves; one run's covariance is spoilt."""
+    model, rng = CTRV(2.0, 0.3), np.random.default_rng(8)
+    lidar, x0 = Lidar(0.15), np.array([1.0, 2.0, 5.0, 0.3, 0.1])[:, None] + 0.1 * rng.standard_normal((5, 40))
+    zs = x0[:2] + rng.standard_normal((30, 2, 40))
+
+    def run():
+        ens = EnsembleUKF(model, x0, np.eye(5))
+        ens.P = np.where(np.arange(40) == 7, -1.0, 1.0) * ens.P
+        for z in zs:
+            ens.predict(0.05)
+            ens.update(z, lidar)
+        return ens
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)
+        compiled = run()
+        monkeypatch.setattr(unscented_compiled, "binding", None)
+        plain = run()
+    for name in ("x", "P", "S", "K"):
+        np.testing.assert_allclose(getattr(compiled, name), getattr(plain, name), rtol=1e-9, atol=1e-11, err_msg=name)
+    assert np.flatnonzero(compiled.failed).tolist() == [7]

@@ -11,6 +11,7 @@ import numpy as np
 
 from trackhelpers import angles, fused
 from trackhelpers.arrays import all_finite, check_dt, cholesky, matvec
+from trackhelpers.ensemble import unscented_compiled
 from trackhelpers.ensemble.base import QUIET, Ensemble
 from trackhelpers.ensemble.covariance import correct, gain, mirror, propagate
 from trackhelpers.filters.motion_ukf import check_known, check_sigma_points, warn_unknown
@@ -135,8 +136,15 @@ class EnsembleUKF(Ensemble):
 
     def _corrected(self, x, P, z, sensor, R):
         with np.errstate(**QUIET):
-            root = self._displacements(P)
-            seen = sensor.h(self._sigma_points(x, root))
+            root, points = self._root_and_points(x, P)
+            seen = sensor.h(points)
+            if not sensor.angles:
+                weights = self.Wm[0], self.Wm[-1], self.Wc[0], self.Wc[-1]
+                compiled = unscented_compiled.corrected(root, seen, P, R, weights)
+                if compiled is not None:
+                    z_hat, S, K, P_post = compiled
+                    y = sensor.residual(z, z_hat)
+                    return self._moved(x, K, y), P_post, y, S, K
             z_hat = angles.mean(seen, self.Wm, sensor.angles)
             S, deviation = self._spread_about(seen, z_hat, sensor.angles)
             S += R if R.ndim == 3 else R[..., None]
@@ -162,6 +170,19 @@ class EnsembleUKF(Ensemble):
             spread[:i, i] = spread[i, :i]
         spread *= w
         return spread, deviation
+
+    def _root_and_points(self, x, P):
+        """A root of the spread times P, (n, n, M), and the sigma points (n, 2 n + 1, M)."""
+        compiled = unscented_compiled.sigma_points(x, P, self._spread)
+        if compiled is None:
+            root = self._displacements(P)
+            return root, self._sigma_points(x, root)
+        root, points = compiled
+        doubtful = ~np.isfinite(root).all(axis=(0, 1))
+        if doubtful.any():  # these alone: the others' numbers do not depend on their neighbours
+            root[..., doubtful] = self._displacements(P[..., doubtful])
+            points[..., doubtful] = self._sigma_points(x[:, doubtful], root[..., doubtful])
+        return root, points
 
     def _displacements(self, P):
         """How far the sigma points lie from the mean: the columns of a root of the spread times P, (n, n, M)."""
