@@ -217,3 +217,50 @@ def test_names_and_angles_of_the_states():
 def test_bad_input_is_named(call, name):
     with pytest.raises(ValueError, match=name):
         call()
+
+
+@pytest.mark.parametrize("model", MODELS, ids=identify)
+def test_two_steps_are_one_of_their_length(model):
+    x = np.random.default_rng(10).normal(size=(model.n, 6))
+    np.testing.assert_allclose(model.f(model.f(x, 0.4), 0.9), model.f(x, 1.3), rtol=1e-10, atol=1e-10)
+    F = model.F(x[:, 0], 1.3)
+    np.testing.assert_allclose(model.F(model.f(x[:, 0], 0.4), 0.9) @ model.F(x[:, 0], 0.4), F, rtol=1e-8, atol=1e-8)
+
+
+def mirrored(model, x):
+    """The state seen in the x axis: y, the heading and its rate or the steering angle change their sign."""
+    if model.linear:
+        k = model.n // model.axes
+        return np.concatenate([x[:k], -x[k : 2 * k], x[2 * k :]])
+    kept = {"x", "v", "a"}
+    return np.array([row if name in kept else -row for name, row in zip(model.state, x, strict=True)])
+
+
+@pytest.mark.parametrize("model", [m for m in MODELS if m.n > 3], ids=lambda m: type(m).__name__)
+def test_what_is_seen_in_a_mirror_moves_as_its_image(model):
+    x = np.random.default_rng(11).normal(size=(model.n, 5))
+    np.testing.assert_allclose(model.f(mirrored(model, x), 0.7), mirrored(model, model.f(x, 0.7)), rtol=1e-12, atol=1e-12)
+    signs = np.outer(*2 * [mirrored(model, np.ones(model.n))])
+    np.testing.assert_allclose(model.Q(mirrored(model, x[:, 0]), 0.7), signs * model.Q(x[:, 0], 0.7), rtol=1e-12, atol=1e-12)
+
+
+@pytest.mark.parametrize("model", MODELS[4:], ids=lambda m: type(m).__name__)
+def test_a_turned_start_gives_the_turned_track(model):
+    x, turn = np.random.default_rng(12).normal(size=model.n), 0.8
+    heading = 3 if model.state[2] == "v" else 2
+    rotation = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
+
+    def turned(state):
+        state = np.array(state)
+        state[:2], state[heading] = rotation @ state[:2], state[heading] + turn
+        return state
+
+    difference = model.f(turned(x), 0.7) - turned(model.f(x, 0.7))
+    np.testing.assert_allclose((difference + np.pi) % (2 * np.pi) - np.pi, 0, atol=1e-12)
+
+
+@pytest.mark.parametrize("noise", ["straight", "exact", "continuous"])
+@pytest.mark.parametrize("make", [CV, CA, CTRV, CTRA, PolarCV, PolarCA, CCA, lambda **k: CSAV(L, **k), lambda **k: CSAA(L, **k)])
+def test_no_noise_is_what_a_model_has_when_none_is_named(make, noise):
+    model = make(noise=noise)
+    assert not model.Q(np.full(model.n, 0.3), 0.7).any()
