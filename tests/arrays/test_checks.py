@@ -195,3 +195,12 @@ def test_arrays_that_stand_together_broadcast_or_have_one_length():
             checks.check_lengths(a=[1, 2], **wrong)
     assert checks.check_array(np.ones((2, 3)), "a", 2, (3,)).shape == (2, 3)
     assert refused(lambda value, name: checks.check_array(value, name, 2, (3,)), np.ones(2), np.ones((2, 4)), np.ones((3, 3)))
+
+
+@pytest.mark.parametrize("check", [checks.check_numbers, lambda value, name: checks.check_array(value, name, 2)])
+def test_floats_come_back_as_they_are_and_other_numbers_as_floats(check):
+    value = np.array([1.0, 2.0])
+    assert check(value, "a") is value
+    for other in (np.array([1, 2]), np.float32([1, 2]), [1, 2]):
+        assert check(other, "a").dtype == float and check(other, "a").tolist() == [1, 2]
+    assert refused(check, np.array([1j, 2]), np.array([True, False]), np.array(["1", "2"]))
