@@ -1,7 +1,7 @@
 import mpmath
 import numpy as np
 import pytest
-from filterpy.common import Q_discrete_white_noise
+from filterpy.common import Q_continuous_white_noise, Q_discrete_white_noise
 from scipy.integrate import solve_ivp
 
 from trackhelpers.angles import cos_sin
@@ -264,3 +264,50 @@ def test_a_turned_start_gives_the_turned_track(model):
 def test_no_noise_is_what_a_model_has_when_none_is_named(make, noise):
     model = make(noise=noise)
     assert not model.Q(np.full(model.n, 0.3), 0.7).any()
+
+
+def test_white_noise_integrated_over_a_step_is_filterpys_and_does_not_depend_on_its_split():
+    np.testing.assert_allclose(
+        CV(1.5, axes=1, noise="continuous").Q(np.zeros(2), 0.6), Q_continuous_white_noise(2, 0.6, 1.5**2), rtol=1e-12
+    )
+    np.testing.assert_allclose(
+        CA(1.5, axes=1, noise="continuous").Q(np.zeros(3), 0.6), Q_continuous_white_noise(3, 0.6, 1.5**2), rtol=1e-12
+    )
+    for model in (CV([1.0, 2.0], noise="continuous"), CA(0.5, noise="continuous")):
+        x = np.zeros(model.n)
+        F = model.F(x, 0.9)
+        np.testing.assert_allclose(F @ model.Q(x, 0.4) @ F.T + model.Q(x, 0.9), model.Q(x, 1.3), rtol=1e-12)
+
+
+@pytest.mark.parametrize("make", [CTRV, CTRA, PolarCV, PolarCA, CCA])
+def test_white_noise_of_a_turning_target_is_summed_along_its_way(make):
+    model, dt, count = make(1.5, 0.4, noise="continuous"), 0.6, 400
+    x = np.array([3.0, -2.0, 2.0, 0.7, 0.5, 0.3])[: model.n]
+    expected = np.zeros((model.n, model.n))
+    for t in (np.arange(count) + 0.5) * dt / count:  # the midpoint rule
+        transition = model.F(model.f(x, t), dt - t)
+        for sigma, driven in zip(model.sigmas, model.white, strict=True):
+            expected += sigma**2 * dt / count * np.outer(transition[:, driven], transition[:, driven])
+    np.testing.assert_allclose(model.Q(x, dt), expected, rtol=1e-4, atol=1e-6)
+
+
+@pytest.mark.parametrize("phi", [-0.999, 0.9, 0.999])
+def test_the_series_is_full_to_the_end_of_its_range(phi):
+    values = turn_integrals(np.array([phi]), 3)
+    for n in range(4):
+        exact = mpmath.quad(lambda u, n=n: u**n * mpmath.exp(1j * phi * u), [0, 1])
+        assert abs(values[n][0] - complex(exact)) < 2e-15
+
+
+@pytest.mark.parametrize("model", [m for m in MODELS if not m.linear], ids=lambda m: type(m).__name__)
+def test_a_motion_told_backwards_is_the_same_motion(model):
+    x = np.random.default_rng(13).normal(size=(model.n, 8))
+    speed, heading = model.state.index("v"), model.angles[0]
+    folded = model.fold(x)
+    assert (folded[speed] >= 0).all() and (np.abs(folded[heading]) <= np.pi).all()
+    forwards = x[speed] >= 0
+    np.testing.assert_allclose(folded[:, forwards], x[:, forwards], atol=1e-12)  # their headings lie within half a turn
+    np.testing.assert_allclose(model.f(folded, 0.7)[:2], model.f(x, 0.7)[:2], atol=1e-12)
+    near = model.fold(folded, near=x)
+    np.testing.assert_allclose(near, x, atol=1e-12)
+    np.testing.assert_allclose(model.fold(folded[:, 0], near=x[:, 0]), x[:, 0], atol=1e-12)
