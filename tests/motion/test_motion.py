@@ -311,3 +311,11 @@ def test_a_motion_told_backwards_is_the_same_motion(model):
     near = model.fold(folded, near=x)
     np.testing.assert_allclose(near, x, atol=1e-12)
     np.testing.assert_allclose(model.fold(folded[:, 0], near=x[:, 0]), x[:, 0], atol=1e-12)
+
+
+@pytest.mark.parametrize("make", [CTRV, CTRA, PolarCV, PolarCA, CCA, lambda *s, **k: CSAV(L, *s, **k), lambda *s, **k: CSAA(L, *s, **k)])
+def test_the_straight_gain_is_the_exact_one_of_a_short_step(make):
+    straight, exact, dt = make(1.0, 0.1), make(1.0, 0.1, noise="exact"), 1e-5
+    x = np.array([3.0, -2.0, 2.0, 0.7, 0.5, 0.3])[: straight.n]
+    G, expected = straight.G(x, dt), exact.G(x, dt)
+    np.testing.assert_allclose(G[G != 0], expected[G != 0], rtol=1e-3)
