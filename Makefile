@@ -12,7 +12,7 @@ NBVAL := --nbval --nbval-sanitize-with=tests/nbval_sanitize.cfg --nbval-cell-tim
 $(shell test -x $(RUN) || rm -f $(READY))
 
 .DEFAULT_GOAL := help
-.PHONY: help book lab student test test-lowest test-latest browser-test refresh lock bench clean
+.PHONY: help book lab student test test-lowest test-latest browser-test mutants refresh lock bench clean
 .DELETE_ON_ERROR:
 
 help:  ## list the targets
@@ -48,6 +48,11 @@ test: $(READY)  ## lint code and notebooks, run the unit tests (TESTS= takes pyt
 browser-test: $(READY)  ## move the sliders and folds of book and JupyterLab in a browser (TESTS= takes pytest's options)
 	@$(RUN) -m pip install --quiet --disable-pip-version-check "$$($(RUN) -c 'import tomllib; print(*tomllib.load(open("pyproject.toml", "rb"))["project"]["optional-dependencies"]["browser"])')"
 	$(RUN) -m pytest tests_browser $(TESTS)
+
+# An extra as well. An hour at low priority; MUTANTS="--only angles charts" asks of some folders, "--part 0/2" and "--part 1/2" share the work.
+mutants: $(READY)  ## put 400 small faults into the package, one at a time: does the module's own folder of tests notice? (MUTANTS= takes options)
+	@$(RUN) -m pip install --quiet --disable-pip-version-check "$$($(RUN) -c 'import tomllib; print(*tomllib.load(open("pyproject.toml", "rb"))["project"]["optional-dependencies"]["mutants"])')"
+	nice $(RUN) -m tests_mutants $(MUTANTS)
 
 refresh: $(READY)  ## run every notebook in place and store it normalised: a second run changes no byte
 	@$(RUN) -m trackhelpers.suite refresh

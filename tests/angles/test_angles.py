@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from trackhelpers.angles import mean, residual, wrap, wrap_components
+from trackhelpers.angles import cos_sin, mean, residual, wrap, wrap_components
 
 angle = st.floats(-1e3, 1e3)
 
@@ -18,6 +18,7 @@ def test_wrap_keeps_the_direction_and_lands_in_the_half_open_circle(a):
 def test_wrap_leaves_angles_in_the_circle_bit_for_bit_and_takes_pi_to_minus_pi():
     inside = np.array([-np.pi, -1.0, 0.0, 0.1, 3.14159])
     assert np.array_equal(wrap(inside), inside)
+    assert [wrap(a) for a in inside] == list(inside)
     assert wrap(np.pi) == -np.pi
     assert np.isnan(wrap(np.nan))
 
@@ -45,6 +46,23 @@ def test_wrap_components_leaves_the_argument_alone():
     assert x[1] == 10
 
 
-def test_mean_refuses_weights_that_do_not_fit():
-    with pytest.raises(ValueError, match="weights"):
-        mean(np.zeros((2, 3)), [1.0])
+def test_every_named_row_is_wrapped_of_one_vector_and_of_more_than_there_are_components():
+    x = np.array([7.0, 7.0, -8.0])
+    expected = [7, 7 - 2 * np.pi, -8 + 2 * np.pi]
+    np.testing.assert_allclose(wrap_components(x, (1, 2)), expected)
+    np.testing.assert_allclose(wrap_components(x[:, None], (1, 2))[:, 0], expected)
+    np.testing.assert_allclose(wrap_components(np.tile(x[:, None], 5), (1, 2))[:, 4], expected)
+    with pytest.raises(ValueError, match="angles"):
+        wrap_components(np.tile(x[:, None], 5), (3,))
+
+
+@given(angle)
+def test_cosine_and_sine_of_a_number_and_of_arrays_are_numpys(a):
+    for x in (a, np.array(a), np.array([[a, -a]])):
+        np.testing.assert_allclose(cos_sin(x), (np.cos(x), np.sin(x)), atol=1e-14)
+
+
+@pytest.mark.parametrize("count", [1, 2, 4])
+def test_mean_refuses_weights_that_do_not_fit(count):
+    with pytest.raises(ValueError, match="weights: expected shape"):
+        mean(np.zeros((2, 3)), np.full(count, 1 / count))

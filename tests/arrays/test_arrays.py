@@ -68,3 +68,62 @@ def test_all_finite_sees_one_number_that_is_not(number):
     assert arrays.all_finite(a) and arrays.all_finite(a[:, ::2]) and arrays.all_finite(np.zeros((2, 0)))
     a[1, 1] = number
     assert not arrays.all_finite(a) and not arrays.all_finite(a / 1e200)
+
+
+@pytest.mark.parametrize("scale", [1e-6, 1.0, 1e6])
+def test_factors_and_quotients_are_those_of_any_scale(stack, scale):
+    P, rows = scale * stack[0], scale * stack[1]
+    A = np.random.default_rng(5).normal(size=(3, 4))
+    np.testing.assert_allclose(arrays.divide(A, rows[0]) @ rows[0], A)
+    factors, D = arrays.eliminate(P, np.ones((1, 4, 5)))
+    np.testing.assert_allclose(np.prod(D, axis=0), np.linalg.det(rows))
+    assert np.isfinite(factors).all()
+    np.testing.assert_allclose(arrays.inverse(P), np.moveaxis(np.linalg.inv(rows), 0, -1))
+
+
+def test_a_quotient_leaves_out_what_has_no_variance_and_keeps_what_has_little():
+    np.testing.assert_allclose(arrays.divide(np.ones((1, 3)), np.diag([4.0, 0.0, 1e-12])), [[0.25, 0, 1e12]])
+    nearly = np.array([[1.0, 1 - 1e-9], [1 - 1e-9, 1.0]])
+    np.testing.assert_allclose(arrays.divide(nearly[:1], nearly), [[1, 0]], atol=1e-6)
+    np.testing.assert_allclose(arrays.divide(np.ones((1, 2)), np.ones((2, 2))), [[0.5, 0.5]])
+    with pytest.raises(ValueError, match=r"variance of -0\.1"):
+        arrays.divide(np.ones((1, 2)), np.diag([1.0, -0.1]))
+
+
+def test_a_symmetric_part_is_the_mean_of_a_matrix_and_its_transpose(stack):
+    A = np.random.default_rng(6).normal(size=(3, 3, 2))
+    np.testing.assert_allclose(arrays.symmetrised(A), (A + A.swapaxes(0, 1)) / 2)
+    np.testing.assert_allclose(arrays.symmetrised(A[..., 0]), (A[..., 0] + A[..., 0].T) / 2)
+
+
+@pytest.mark.parametrize(
+    "call",
+    [
+        lambda: arrays.matmul(np.ones((2, 3)), np.ones((2, 3))),
+        lambda: arrays.matmul(np.ones(2), np.ones((2, 3))),
+        lambda: arrays.matmul(np.ones((2, 2, 4)), np.ones((2, 2, 3))),
+        lambda: arrays.matvec(np.ones((2, 3)), np.ones(2)),
+        lambda: arrays.matvec(np.ones((2, 3, 4)), np.ones((3, 2))),
+        lambda: arrays.matvec(np.ones(3), np.ones(3)),
+        lambda: arrays.transpose(np.ones(3)),
+        lambda: arrays.congruence(np.ones((2, 3)), np.ones((2, 2))),
+        lambda: arrays.symmetrised(np.ones((2, 3))),
+        lambda: arrays.cholesky(np.ones(4)),
+        lambda: arrays.solve_lower(np.eye(2), np.ones(3)),
+        lambda: arrays.solve_lower(np.eye(2), np.array(1.0)),
+        lambda: arrays.eliminate(np.eye(2), np.ones((1, 3))),
+        lambda: arrays.mahalanobis(np.ones(3), np.eye(2)),
+        lambda: arrays.mahalanobis(np.ones((2, 3)), np.ones((2, 2, 4))),
+    ],
+)
+def test_shapes_that_do_not_fit_are_told(call):
+    with pytest.raises(ValueError, match=r"expected shapes? .*, got "):
+        call()
+
+
+def test_runs_broadcast_where_one_has_none_or_one(stack):
+    P, rows = stack
+    one = np.random.default_rng(7).normal(size=(4, 4))
+    for A in (one, one[..., None]):
+        np.testing.assert_allclose(arrays.matmul(A, P)[..., 3], one @ rows[3])
+        np.testing.assert_allclose(arrays.congruence(A, P)[..., 3], one @ rows[3] @ one.T)

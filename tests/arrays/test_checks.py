@@ -4,7 +4,7 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from trackhelpers import arrays
+from trackhelpers import arrays, checks
 
 
 @pytest.mark.parametrize(
@@ -142,3 +142,65 @@ def test_a_matrix_is_finite_and_of_its_shape():
     for value, message in (([[1, np.inf]], "H: expected finite"), ([1, 2], r"H: expected shape \(n, 2\)"), (np.ones((1, 3)), "H")):
         with pytest.raises(ValueError, match=message):
             arrays.check_matrix(value, "H", (None, 2))
+
+
+def refused(call, *values):
+    """Whether each of the values is refused by a ValueError that names the argument."""
+    for value in values:
+        with pytest.raises(ValueError, match=r"^a: expected"):
+            call(value, "a")
+    return True
+
+
+def test_numbers_at_the_edge_of_what_is_allowed():
+    assert arrays.check_scale(0, "a") == 0 and refused(arrays.check_scale, -1e-300, -0.5)
+    assert checks.check_positive(1e-300, "a") == 1e-300 and checks.check_positive(0.5, "a") == 0.5
+    assert refused(checks.check_positive, 0, 0.0, -0.5, np.inf)
+    assert [checks.check_probability(p, "a") for p in (1e-9, 0.5, 1 - 1e-9)] == [1e-9, 0.5, 1 - 1e-9]
+    assert refused(checks.check_probability, 0, 1, -0.5, 1.5)
+    assert checks.check_number(-0.5, "a") == -0.5 and refused(checks.check_number, np.inf, -np.inf, np.nan, [1.0])
+    assert checks.check_number(2, "a", low=2) == checks.check_number(2, "a", high=2) == 2
+    assert checks.check_count(1, "a") == 1 and checks.check_count(0, "a", 0) == 0
+    assert refused(checks.check_count, 0, -1, True, 1.0, 2**63, np.timedelta64(3))
+    assert type(checks.check_count(np.int8(3), "a")) is int
+
+
+def test_words_masks_and_indices():
+    assert checks.check_choice("one", "a", ("one", "two")) == "one"
+    assert refused(lambda value, name: checks.check_choice(value, name, ("one", "two")), "three", 1, None)
+    assert checks.check_names("xy", "a") == checks.check_names(["x", "y"], "a") == ("x", "y")
+    assert checks.check_names((), "a", empty=True) == () and refused(checks.check_names, (), "xx", ["x", 1], 1, None)
+    assert checks.check_mask([True, False], "a", 2).tolist() == [True, False]
+    assert refused(lambda value, name: checks.check_mask(value, name, 2), [True], [1, 0], None, np.ones((2, 1), bool))
+    assert refused(lambda value, name: checks.check_mask(value, name, 2), np.ma.array([True, False], mask=[True, False]))
+    assert checks.check_angles((0, 2), 3) == checks.check_angles([0, 2], 3) == checks.check_angles(np.array([0, 2]), 3) == (0, 2)
+    wrong = (3,), (-1,), [0, 3], [True], (False,), [0.0], 0, None
+    assert refused(lambda value, name: checks.check_angles(value, 3, name), *wrong)
+
+
+def test_a_vector_is_of_one_axis_and_a_number_one_of_one():
+    assert checks.check_vector(2, "a", 1).tolist() == checks.check_vector(np.float64(2), "a").tolist() == [2.0]
+    assert checks.check_vector([1, 2], "a", 2).tolist() == [1.0, 2.0]
+    assert refused(lambda value, name: checks.check_vector(value, name, 2), 1.0, np.ones(3), np.ones((2, 1)), [1, np.nan], [np.inf, 0])
+
+
+def test_arrays_that_stand_together_broadcast_or_have_one_length():
+    assert [a.shape for a in checks.check_together(a=1, b=[1, 2])] == [(), (2,)]
+    with pytest.raises(ValueError, match="a, b: expected one number, or arrays of one length, got the shapes"):
+        checks.check_together(a=[1, 2, 3], b=[1, 2])
+    assert [a.shape for a in checks.check_lengths(a=[1, 2], b=np.ones((2, 3)).T[:2], numbers=())] == [(2,), (2, 2)]
+    assert checks.check_lengths(("b",), a=[1, 2], b=3)[1] == 3
+    for wrong in ({"b": 3}, {"b": [1]}):
+        with pytest.raises(ValueError, match="a, b: expected arrays of one length"):
+            checks.check_lengths(a=[1, 2], **wrong)
+    assert checks.check_array(np.ones((2, 3)), "a", 2, (3,)).shape == (2, 3)
+    assert refused(lambda value, name: checks.check_array(value, name, 2, (3,)), np.ones(2), np.ones((2, 4)), np.ones((3, 3)))
+
+
+@pytest.mark.parametrize("check", [checks.check_numbers, lambda value, name: checks.check_array(value, name, 2)])
+def test_floats_come_back_as_they_are_and_other_numbers_as_floats(check):
+    value = np.array([1.0, 2.0])
+    assert check(value, "a") is value
+    for other in (np.array([1, 2]), np.float32([1, 2]), [1, 2]):
+        assert check(other, "a").dtype == float and check(other, "a").tolist() == [1, 2]
+    assert refused(check, np.array([1j, 2]), np.array([True, False]), np.array(["1", "2"]))

@@ -62,6 +62,27 @@ def test_what_is_masked_is_no_error():
             call()
 
 
+def test_nis_of_a_covariance_that_is_definite_in_other_units_only():
+    """Three components of which two nearly settle the third: Cholesky fails by rounding as they are, not where each has variance one."""
+    rng, taken = np.random.default_rng(0), 0
+    for _ in range(200):
+        units, A = 10.0 ** rng.uniform(-9, 9, 3), rng.normal(size=(3, 3))
+        A[2] = A[0] + A[1] + 3e-8 * rng.normal(size=3)
+        S, weights = np.outer(units, units) * (A @ A.T), [1, 2, -1] / units
+        try:
+            assert nis(S @ weights, S) == pytest.approx(weights @ S @ weights, rel=1e-3)
+            taken += 1
+        except ValueError as refused:  # singular in all units, as rounding has it
+            assert "positive definite" in str(refused)
+    assert taken > 50
+
+
+@pytest.mark.parametrize("runs", [3, 5])
+def test_a_truth_of_other_runs_is_refused(runs):
+    with pytest.raises(ValueError, match="x_true, x: expected shapes"):
+        nees(np.zeros((2, runs)), np.zeros((2, 4)), np.eye(2))
+
+
 def test_chi2_band_narrows_to_the_mean():
     low, high = chi2_band(4, runs=100)
     assert low < 4 < high

@@ -1,7 +1,7 @@
 import mpmath
 import numpy as np
 import pytest
-from filterpy.common import Q_discrete_white_noise
+from filterpy.common import Q_continuous_white_noise, Q_discrete_white_noise
 from scipy.integrate import solve_ivp
 
 from trackhelpers.angles import cos_sin
@@ -217,3 +217,105 @@ def test_names_and_angles_of_the_states():
 def test_bad_input_is_named(call, name):
     with pytest.raises(ValueError, match=name):
         call()
+
+
+@pytest.mark.parametrize("model", MODELS, ids=identify)
+def test_two_steps_are_one_of_their_length(model):
+    x = np.random.default_rng(10).normal(size=(model.n, 6))
+    np.testing.assert_allclose(model.f(model.f(x, 0.4), 0.9), model.f(x, 1.3), rtol=1e-10, atol=1e-10)
+    F = model.F(x[:, 0], 1.3)
+    np.testing.assert_allclose(model.F(model.f(x[:, 0], 0.4), 0.9) @ model.F(x[:, 0], 0.4), F, rtol=1e-8, atol=1e-8)
+
+
+def mirrored(model, x):
+    """The state seen in the x axis: y, the heading and its rate or the steering angle change their sign."""
+    if model.linear:
+        k = model.n // model.axes
+        return np.concatenate([x[:k], -x[k : 2 * k], x[2 * k :]])
+    kept = {"x", "v", "a"}
+    return np.array([row if name in kept else -row for name, row in zip(model.state, x, strict=True)])
+
+
+@pytest.mark.parametrize("model", [m for m in MODELS if m.n > 3], ids=lambda m: type(m).__name__)
+def test_what_is_seen_in_a_mirror_moves_as_its_image(model):
+    x = np.random.default_rng(11).normal(size=(model.n, 5))
+    np.testing.assert_allclose(model.f(mirrored(model, x), 0.7), mirrored(model, model.f(x, 0.7)), rtol=1e-12, atol=1e-12)
+    signs = np.outer(*2 * [mirrored(model, np.ones(model.n))])
+    np.testing.assert_allclose(model.Q(mirrored(model, x[:, 0]), 0.7), signs * model.Q(x[:, 0], 0.7), rtol=1e-12, atol=1e-12)
+
+
+@pytest.mark.parametrize("model", MODELS[4:], ids=lambda m: type(m).__name__)
+def test_a_turned_start_gives_the_turned_track(model):
+    x, turn = np.random.default_rng(12).normal(size=model.n), 0.8
+    heading = 3 if model.state[2] == "v" else 2
+    rotation = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
+
+    def turned(state):
+        state = np.array(state)
+        state[:2], state[heading] = rotation @ state[:2], state[heading] + turn
+        return state
+
+    difference = model.f(turned(x), 0.7) - turned(model.f(x, 0.7))
+    np.testing.assert_allclose((difference + np.pi) % (2 * np.pi) - np.pi, 0, atol=1e-12)
+
+
+@pytest.mark.parametrize("noise", ["straight", "exact", "continuous"])
+@pytest.mark.parametrize("make", [CV, CA, CTRV, CTRA, PolarCV, PolarCA, CCA, lambda **k: CSAV(L, **k), lambda **k: CSAA(L, **k)])
+def test_no_noise_is_what_a_model_has_when_none_is_named(make, noise):
+    model = make(noise=noise)
+    assert not model.Q(np.full(model.n, 0.3), 0.7).any()
+
+
+def test_white_noise_integrated_over_a_step_is_filterpys_and_does_not_depend_on_its_split():
+    np.testing.assert_allclose(
+        CV(1.5, axes=1, noise="continuous").Q(np.zeros(2), 0.6), Q_continuous_white_noise(2, 0.6, 1.5**2), rtol=1e-12
+    )
+    np.testing.assert_allclose(
+        CA(1.5, axes=1, noise="continuous").Q(np.zeros(3), 0.6), Q_continuous_white_noise(3, 0.6, 1.5**2), rtol=1e-12
+    )
+    for model in (CV([1.0, 2.0], noise="continuous"), CA(0.5, noise="continuous")):
+        x = np.zeros(model.n)
+        F = model.F(x, 0.9)
+        np.testing.assert_allclose(F @ model.Q(x, 0.4) @ F.T + model.Q(x, 0.9), model.Q(x, 1.3), rtol=1e-12)
+
+
+@pytest.mark.parametrize("make", [CTRV, CTRA, PolarCV, PolarCA, CCA])
+def test_white_noise_of_a_turning_target_is_summed_along_its_way(make):
+    model, dt, count = make(1.5, 0.4, noise="continuous"), 0.6, 400
+    x = np.array([3.0, -2.0, 2.0, 0.7, 0.5, 0.3])[: model.n]
+    expected = np.zeros((model.n, model.n))
+    for t in (np.arange(count) + 0.5) * dt / count:  # the midpoint rule
+        transition = model.F(model.f(x, t), dt - t)
+        for sigma, driven in zip(model.sigmas, model.white, strict=True):
+            expected += sigma**2 * dt / count * np.outer(transition[:, driven], transition[:, driven])
+    np.testing.assert_allclose(model.Q(x, dt), expected, rtol=1e-4, atol=1e-6)
+
+
+@pytest.mark.parametrize("phi", [-0.999, 0.9, 0.999])
+def test_the_series_is_full_to_the_end_of_its_range(phi):
+    values = turn_integrals(np.array([phi]), 3)
+    for n in range(4):
+        exact = mpmath.quad(lambda u, n=n: u**n * mpmath.exp(1j * phi * u), [0, 1])
+        assert abs(values[n][0] - complex(exact)) < 2e-15
+
+
+@pytest.mark.parametrize("model", [m for m in MODELS if not m.linear], ids=lambda m: type(m).__name__)
+def test_a_motion_told_backwards_is_the_same_motion(model):
+    x = np.random.default_rng(13).normal(size=(model.n, 8))
+    speed, heading = model.state.index("v"), model.angles[0]
+    folded = model.fold(x)
+    assert (folded[speed] >= 0).all() and (np.abs(folded[heading]) <= np.pi).all()
+    forwards = x[speed] >= 0
+    np.testing.assert_allclose(folded[:, forwards], x[:, forwards], atol=1e-12)  # their headings lie within half a turn
+    np.testing.assert_allclose(model.f(folded, 0.7)[:2], model.f(x, 0.7)[:2], atol=1e-12)
+    near = model.fold(folded, near=x)
+    np.testing.assert_allclose(near, x, atol=1e-12)
+    np.testing.assert_allclose(model.fold(folded[:, 0], near=x[:, 0]), x[:, 0], atol=1e-12)
+
+
+@pytest.mark.parametrize("make", [CTRV, CTRA, PolarCV, PolarCA, CCA, lambda *s, **k: CSAV(L, *s, **k), lambda *s, **k: CSAA(L, *s, **k)])
+def test_the_straight_gain_is_the_exact_one_of_a_short_step(make):
+    straight, exact, dt = make(1.0, 0.1), make(1.0, 0.1, noise="exact"), 1e-5
+    x = np.array([3.0, -2.0, 2.0, 0.7, 0.5, 0.3])[: straight.n]
+    G, expected = straight.G(x, dt), exact.G(x, dt)
+    np.testing.assert_allclose(G[G != 0], expected[G != 0], rtol=1e-3)
