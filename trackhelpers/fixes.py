@@ -3,6 +3,8 @@
 Positions are ECEF, m; d and the points have any trailing axes (times, runs), against which those of `satellites` (3, 3) or (3, 3, ...) broadcast.
 """
 
+from math import comb
+
 import numpy as np
 
 from trackhelpers.arrays import check_array, check_covariance, inverse
@@ -15,6 +17,8 @@ _AXES = np.array([Ellipsoid.a, Ellipsoid.a, Ellipsoid.b])
 _UNIT = 1e6  # m, of the ranges in the quartic
 _FLAT = 1e-5  # the least volume that S0's radius and the baselines span, as a share of a box's
 _BLOCK = 2048  # problems at a time, which fit into the processor's cache
+_REACH = 1.3  # the farthest root on the sphere whose point on the ellipsoid may be in sight, in distances of S0's horizon
+_BERNSTEIN = np.array([[comb(i, j) / comb(4, j) for j in range(5)] for i in range(5)])  # coefficients on (0, 1) from those of powers
 _QUIET = {"over": "ignore", "invalid": "ignore", "divide": "ignore"}
 
 
@@ -46,22 +50,16 @@ def fix(d, satellites, near=None):
     Of an emitter below the horizon the differences may have another point that is seen: nothing tells that from d alone.
     """
     d, s = _arguments(d, satellites)
-    found = candidates(d, s)
-    there = np.isfinite(found[0])
-    count = there.sum(axis=0)
     if d.ndim == 1:
-        _refuse(d, s, count, near)
-    if near is None:
-        chosen = np.argmax(there, axis=0)
-        lost = count != 1
-    else:
+        _refuse(d, s, np.isfinite(candidates(d, s)[0]).sum(), near)
+    shape, d, s = _in_a_row(d, s)
+    if near is not None:
         q = check_array(near, "near", 3)
-        q = _column(q, found) if q.ndim == 1 else q[:, None]
-        distance = np.sum((found - q) ** 2, axis=0)
-        chosen = np.argmin(np.where(there, distance, np.inf), axis=0)
-        lost = count == 0
-    p = np.take_along_axis(found, chosen[None, None], axis=1)[:, 0]
-    return np.where(lost, np.nan, p)
+        near = np.broadcast_to(q.reshape(3, *[1] * (len(shape) + 1 - q.ndim), *q.shape[1:]), (3, *shape)).reshape(3, -1)
+    p = np.empty((3, d.shape[1]))
+    for block in _blocks(d):
+        p[:, block] = _chosen(_points(d[:, block], s[..., block], True), None if near is None else near[:, block])
+    return p.reshape(3, *shape)
 
 
 def candidates(d, satellites, seen=True):
@@ -78,27 +76,50 @@ def candidates(d, satellites, seen=True):
         Only those that are over the horizon of all satellites.
     """
     d, s = _arguments(d, satellites)
-    shape = np.broadcast_shapes(d.shape[1:], s.shape[2:])
-    s = np.broadcast_to(s.reshape(3, 3, *[1] * (len(shape) + 2 - s.ndim), *s.shape[2:]), (3, 3, *shape)).reshape(3, 3, -1)
-    d = np.broadcast_to(d.reshape(2, *[1] * (len(shape) + 1 - d.ndim), *d.shape[1:]), (2, *shape)).reshape(2, -1)
-    points = np.full((3, 4, d.shape[1]), np.nan)
-    with np.errstate(**_QUIET):
-        for first in range(0, d.shape[1], _BLOCK):
-            block = slice(first, first + _BLOCK)
-            _fill(points[..., block], d[:, block], s[..., block], seen)
+    shape, d, s = _in_a_row(d, s)
+    points = np.empty((3, 4, d.shape[1]))
+    for block in _blocks(d):
+        points[..., block] = _points(d[:, block], s[..., block], seen)
     return points.reshape(3, 4, *shape)
 
 
-def _fill(points, d, s, seen):
-    """Write the points of K problems, d (2, K) and s (3, 3, K), into `points` (3, 4, K)."""
-    curve = _Curve(d, s)
-    r, where, column = curve.roots()
-    p, r = curve.to_local_radius(r, where)
-    signed = (r > 0) & np.all(r + d[:, where] > 0, axis=0)
-    p, where, column = p[:, signed], where[signed], column[signed]
-    p = _polished(p, d[:, where], s[..., where])
-    kept = _seen(p, s[..., where]) if seen else np.isfinite(p[0])
+def _in_a_row(d, s):
+    """The trailing axes of d and s together, and both with one axis in their place: (2, K) and (3, 3, K)."""
+    shape = np.broadcast_shapes(d.shape[1:], s.shape[2:])
+    s = np.broadcast_to(s.reshape(3, 3, *[1] * (len(shape) + 2 - s.ndim), *s.shape[2:]), (3, 3, *shape)).reshape(3, 3, -1)
+    d = np.broadcast_to(d.reshape(2, *[1] * (len(shape) + 1 - d.ndim), *d.shape[1:]), (2, *shape)).reshape(2, -1)
+    return shape, d, s
+
+
+def _blocks(d):
+    return (slice(first, first + _BLOCK) for first in range(0, d.shape[1], _BLOCK))
+
+
+def _points(d, s, seen):
+    """The points (3, 4, K) of K problems, d (2, K) and s (3, 3, K)."""
+    points = np.full((3, 4, d.shape[1]), np.nan)
+    with np.errstate(**_QUIET):
+        curve = _Curve(d, s)
+        r, where, column = curve.roots(near=seen)
+        p, r = curve.to_local_radius(r, where)
+        signed = (r > 0) & np.all(r + d[:, where] > 0, axis=0)
+        p, where, column = p[:, signed], where[signed], column[signed]
+        p = _polished(p, d[:, where], s[..., where])
+        kept = _seen(p, s[..., where]) if seen else np.isfinite(p[0])
     points[:, column[kept], where[kept]] = p[:, kept]
+    return points
+
+
+def _chosen(found, near):
+    """Of points (3, 4, K) the only one, or the one nearest to `near` (3, K): (3, K)."""
+    there = np.isfinite(found[0])
+    count = there.sum(axis=0)
+    if near is None:
+        chosen, lost = np.argmax(there, axis=0), count != 1
+    else:
+        distance = np.sum((found - near[:, None]) ** 2, axis=0)
+        chosen, lost = np.argmin(np.where(there, distance, np.inf), axis=0), count == 0
+    return np.where(lost, np.nan, found[:, chosen, np.arange(len(lost))])
 
 
 def fix_covariance(position, satellites, R, chart):
@@ -148,20 +169,27 @@ class _Curve:
         self.P1 = -(self.d[0] * c1 + self.d[1] * c2) / volume
         self.P2 = -0.5 * self.normal
 
-    def roots(self):
-        """The real roots r (J,) with the sphere of the radius under S0, and whose they are and which of the four (J,)."""
+    def roots(self, near=False):
+        """The real roots r (J,) with the sphere of the radius under S0, and whose they are and which of the four (J,).
+
+        With `near` only those that may turn out to be in sight. A problem that has one, as most do, is solved without the other three.
+        """
         R = _radius(self.s[:, 0])
         P0, P1, P2 = self.P0 + 0.5 * R**2 * self.normal, self.P1, self.P2
         quartic = np.stack([_dot(P0, P0) - R**2, 2 * _dot(P0, P1), _dot(P1, P1) + 2 * _dot(P0, P2), 2 * _dot(P1, P2), _dot(P2, P2)])
         quartic *= _UNIT ** np.arange(5.0)[:, None]
         good = np.flatnonzero(np.isfinite(quartic).all(axis=0))
-        companion = np.zeros((len(good), 4, 4))
-        companion[:, [1, 2, 3], [0, 1, 2]] = 1
-        companion[:, :, 3] = (-quartic[:4, good] / quartic[4, good]).T
-        values = np.linalg.eigvals(companion) if len(good) else np.zeros((0, 4))
-        real = np.abs(values.imag) <= 1e-7 * np.abs(values.real)
-        which, column = np.nonzero(real)
-        return values.real[real] * _UNIT, good[which], column
+        if not near:
+            r, which, column = _all_roots(quartic[:, good])
+            return r * _UNIT, good[which], column
+        reach = _REACH * np.sqrt(np.maximum(_dot(self.s[:, 0], self.s[:, 0]) - _AXES[2] ** 2, 0)) / _UNIT
+        scaled = quartic[:, good] * reach[good] ** np.arange(5.0)[:, None]  # the roots in sight are in (0, 1)
+        changes = _sign_changes(_BERNSTEIN @ scaled)
+        one, several = np.flatnonzero(changes == 1), np.flatnonzero(changes > 1)
+        r, which, column = _all_roots(scaled[:, several])
+        r = np.concatenate([_single_root(scaled[:, one]), r])
+        which = good[np.concatenate([one, several[which]])]
+        return r * reach[which] * _UNIT, which, np.concatenate([np.zeros(len(one), dtype=int), column])
 
     def to_local_radius(self, r, where):
         """Points (3, J) and their r with R of each point, by Newton's iteration on |p(r)|² = R²."""
@@ -173,6 +201,38 @@ class _Curve:
             p = P0 + 0.5 * R**2 * normal + (P1 + P2 * r) * r
             r = r - 0.5 * (_dot(p, p) - R**2) / _dot(p, P1 + 2 * P2 * r)
         return P0 + 0.5 * R**2 * normal + (P1 + P2 * r) * r, r
+
+
+def _all_roots(quartic):
+    """The real roots of quartics (5, K), constant term first: r (J,), whose they are and which of the four (J,)."""
+    companion = np.zeros((quartic.shape[1], 4, 4))
+    companion[:, [1, 2, 3], [0, 1, 2]] = 1
+    companion[:, :, 3] = (-quartic[:4] / quartic[4]).T
+    values = np.linalg.eigvals(companion) if len(companion) else np.zeros((0, 4))
+    real = np.abs(values.imag) <= 1e-7 * np.abs(values.real)
+    return values.real[real], *np.nonzero(real)
+
+
+def _sign_changes(values):
+    """How often the sign changes down the rows (5, K), a zero counted as a change: (K,). Of Bernstein coefficients: at least as many as there are roots in (0, 1); 1 is one."""
+    return np.sum(values[1:] * values[:-1] <= 0, axis=0)
+
+
+def _single_root(quartic):
+    """The root in (0, 1) of quartics (5, K) that have one there: Newton's steps, halving where one leads out of what is still open."""
+    c0, c1, c2, c3, c4 = quartic
+    low, high = np.zeros_like(c0), np.ones_like(c0)
+    rises, r = c0 < 0, np.full_like(c0, 0.5)
+    for _ in range(60):
+        value = c0 + r * (c1 + r * (c2 + r * (c3 + r * c4)))
+        under = (value < 0) == rises
+        low, high = np.where(under, r, low), np.where(under, high, r)
+        step = r - value / (c1 + r * (2 * c2 + r * (3 * c3 + r * 4 * c4)))
+        step = np.where((step > low) & (step < high), step, 0.5 * (low + high))
+        moved, r = np.abs(step - r), step
+        if not np.any(moved > 1e-9):
+            break
+    return r
 
 
 def _arguments(d, satellites):
@@ -219,6 +279,8 @@ def _polished(p, d, s):
         c1, c2, c3 = _cross(g2, normal), _cross(normal, g1), _cross(g1, g2)
         step = (e1 * c1 + e2 * c2 + e3 * c3) / _dot(g1, c1)
         p = p + step
+        if not np.any(_dot(step, step) > 1e-8):  # 0.1 mm: the next one is below rounding
+            break
     return np.where(_dot(step, step) < 1e-6, p, np.nan)
 
 
