@@ -3,7 +3,7 @@
 Positions are ECEF, m; d and the points have any trailing axes (times, runs), against which those of `satellites` (3, 3) or (3, 3, ...) broadcast.
 """
 
-from math import comb
+from math import comb, prod
 
 import numpy as np
 
@@ -52,13 +52,12 @@ def fix(d, satellites, near=None):
     d, s = _arguments(d, satellites)
     if d.ndim == 1:
         _refuse(d, s, np.isfinite(candidates(d, s)[0]).sum(), near)
-    shape, d, s = _in_a_row(d, s)
-    if near is not None:
-        q = check_array(near, "near", 3)
-        near = np.broadcast_to(q.reshape(3, *[1] * (len(shape) + 1 - q.ndim), *q.shape[1:]), (3, *shape)).reshape(3, -1)
-    p = np.empty((3, d.shape[1]))
-    for block in _blocks(d):
-        p[:, block] = _chosen(_points(d[:, block], s[..., block], True), None if near is None else near[:, block])
+    shape = np.broadcast_shapes(d.shape[1:], s.shape[2:])
+    near = None if near is None else check_array(near, "near", 3)
+    p = np.empty((3, prod(shape)))
+    for block, there in _blocks(shape):
+        found = _points(_part(d, shape, there, 1), _part(s, shape, there, 2), True)
+        p[:, block] = _chosen(found, None if near is None else _part(near, shape, there, 1))
     return p.reshape(3, *shape)
 
 
@@ -76,23 +75,26 @@ def candidates(d, satellites, seen=True):
         Only those that are over the horizon of all satellites.
     """
     d, s = _arguments(d, satellites)
-    shape, d, s = _in_a_row(d, s)
-    points = np.empty((3, 4, d.shape[1]))
-    for block in _blocks(d):
-        points[..., block] = _points(d[:, block], s[..., block], seen)
+    shape = np.broadcast_shapes(d.shape[1:], s.shape[2:])
+    points = np.empty((3, 4, prod(shape)))
+    for block, there in _blocks(shape):
+        points[..., block] = _points(_part(d, shape, there, 1), _part(s, shape, there, 2), seen)
     return points.reshape(3, 4, *shape)
 
 
-def _in_a_row(d, s):
-    """The trailing axes of d and s together, and both with one axis in their place: (2, K) and (3, 3, K)."""
-    shape = np.broadcast_shapes(d.shape[1:], s.shape[2:])
-    s = np.broadcast_to(s.reshape(3, 3, *[1] * (len(shape) + 2 - s.ndim), *s.shape[2:]), (3, 3, *shape)).reshape(3, 3, -1)
-    d = np.broadcast_to(d.reshape(2, *[1] * (len(shape) + 1 - d.ndim), *d.shape[1:]), (2, *shape)).reshape(2, -1)
-    return shape, d, s
+def _blocks(shape):
+    """Slices of what has these axes in a row, and the indices that they stand for."""
+    count = prod(shape)
+    for first in range(0, count, _BLOCK):
+        block = slice(first, min(first + _BLOCK, count))
+        yield block, np.unravel_index(np.arange(block.start, block.stop), shape or (1,))
 
 
-def _blocks(d):
-    return (slice(first, first + _BLOCK) for first in range(0, d.shape[1], _BLOCK))
+def _part(values, shape, there, leading):
+    """The elements `there` of values, whose axes after the `leading` ones broadcast to `shape`: in a row, on the last axis."""
+    first, rest = values.shape[:leading], values.shape[leading:]
+    shape = shape or (1,)
+    return np.broadcast_to(values.reshape(*first, *[1] * (len(shape) - len(rest)), *rest), (*first, *shape))[(..., *there)]
 
 
 def _points(d, s, seen):
@@ -113,12 +115,9 @@ def _points(d, s, seen):
 def _chosen(found, near):
     """Of points (3, 4, K) the only one, or the one nearest to `near` (3, K): (3, K)."""
     there = np.isfinite(found[0])
-    count = there.sum(axis=0)
-    if near is None:
-        chosen, lost = np.argmax(there, axis=0), count != 1
-    else:
-        distance = np.sum((found - near[:, None]) ** 2, axis=0)
-        chosen, lost = np.argmin(np.where(there, distance, np.inf), axis=0), count == 0
+    distance = np.zeros(there.shape) if near is None else np.sum((found - near[:, None]) ** 2, axis=0)
+    chosen, count = np.argmin(np.where(there, distance, np.inf), axis=0), there.sum(axis=0)
+    lost = count != 1 if near is None else count == 0
     return np.where(lost, np.nan, found[:, chosen, np.arange(len(lost))])
 
 
@@ -143,14 +142,24 @@ def fix_covariance(position, satellites, R, chart):
     visible = _seen(p, s)
     if p.ndim == 1 and not np.all(visible):
         raise ValueError(f"position: expected one that all satellites see, got one below the horizon, {p}")
-    slopes = difference_gradients(p, satellites)
-    H = np.einsum("ik...,kj...->ij...", slopes, chart.jacobian(chart.to_chart(p)))
-    W = np.linalg.inv(check_covariance(R, "R", len(slopes), definite=True))
-    with np.errstate(**_QUIET):
-        P = inverse(np.einsum("ki...,kl,lj...->ij...", H, W, H, optimize=True))
-    if P.ndim == 2 and not np.isfinite(P).all():
+    W = np.linalg.inv(check_covariance(R, "R", s.shape[1] - 1, definite=True))
+    shape = np.broadcast_shapes(p.shape[1:], s.shape[2:])
+    if p.ndim == 1 or np.ndim(getattr(chart, "sign", 0)):
+        P = _covariance(p, s, W, chart)
+    else:
+        P = np.empty((2, 2, prod(shape)))
+        for block, there in _blocks(shape):
+            P[..., block] = _covariance(_part(p, shape, there, 1), _part(s, shape, there, 2), W, chart)
+    if not shape and not np.isfinite(P).all():
         raise ValueError("satellites: expected range differences that tell the position, got a singular HᵀR⁻¹H")
-    return np.where(visible, P, np.nan)
+    return np.where(visible, P.reshape(2, 2, *shape), np.nan)
+
+
+def _covariance(p, s, W, chart):
+    """(Hᵀ W H)⁻¹, NaN where that has no inverse."""
+    H = np.einsum("ik...,kj...->ij...", difference_gradients(p, s), chart.jacobian(chart.to_chart(p)))
+    with np.errstate(**_QUIET):
+        return inverse(np.einsum("ki...,kl,lj...->ij...", H, W, H, optimize=True))
 
 
 class _Curve:
@@ -184,7 +193,8 @@ class _Curve:
             return r * _UNIT, good[which], column
         reach = _REACH * np.sqrt(np.maximum(_dot(self.s[:, 0], self.s[:, 0]) - _AXES[2] ** 2, 0)) / _UNIT
         scaled = quartic[:, good] * reach[good] ** np.arange(5.0)[:, None]  # the roots in sight are in (0, 1)
-        changes = _sign_changes(_BERNSTEIN @ scaled)
+        bernstein = _BERNSTEIN @ scaled
+        changes = np.sum(bernstein[1:] * bernstein[:-1] <= 0, axis=0)  # at least as many as there are roots; 1 is one
         one, several = np.flatnonzero(changes == 1), np.flatnonzero(changes > 1)
         r, which, column = _all_roots(scaled[:, several])
         r = np.concatenate([_single_root(scaled[:, one]), r])
@@ -213,16 +223,10 @@ def _all_roots(quartic):
     return values.real[real], *np.nonzero(real)
 
 
-def _sign_changes(values):
-    """How often the sign changes down the rows (5, K), a zero counted as a change: (K,). Of Bernstein coefficients: at least as many as there are roots in (0, 1); 1 is one."""
-    return np.sum(values[1:] * values[:-1] <= 0, axis=0)
-
-
 def _single_root(quartic):
     """The root in (0, 1) of quartics (5, K) that have one there: Newton's steps, halving where one leads out of what is still open."""
     c0, c1, c2, c3, c4 = quartic
-    low, high = np.zeros_like(c0), np.ones_like(c0)
-    rises, r = c0 < 0, np.full_like(c0, 0.5)
+    rises, low, high, r = c0 < 0, np.zeros_like(c0), np.ones_like(c0), np.full_like(c0, 0.5)
     for _ in range(60):
         value = c0 + r * (c1 + r * (c2 + r * (c3 + r * c4)))
         under = (value < 0) == rises
