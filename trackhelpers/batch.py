@@ -9,6 +9,7 @@ from trackhelpers.charts import check_chart
 from trackhelpers.checks import check_count, check_number, check_numbers
 from trackhelpers.sensors.tdoa import check_stations, difference_gradients, range_differences
 
+_BLOCK = 16384  # differences at a time of the searches that go side by side, which fit into the processor's cache
 _QUIET = {"over": "ignore", "invalid": "ignore", "divide": "ignore"}
 
 
@@ -62,30 +63,10 @@ def batch_fix(z, t, satellites, R, chart, x0, t0=0.0, there=None, iterations=100
     enough = problem.there.sum(axis=(0, 1)) >= n
     if one and not enough[0]:
         raise ValueError(f"z: expected at least {n} range differences, got {problem.there.sum()}")
-    runs = np.flatnonzero(enough)
-    x, damping = x[:, runs], np.full(len(runs), 1e-3)
+    start, runs = x, np.flatnonzero(enough)
     with np.errstate(**_QUIET):
-        cost, A, g = problem.normal_equations(x, runs)
-        for _ in range(iterations):
-            if not len(runs):
-                break
-            scale = np.sqrt(np.einsum("iim->im", A))
-            C, slope = A / scale[:, None] / scale, g / scale
-            damped = C + damping * np.eye(n)[..., None]
-            step = matvec(inverse(damped), slope)
-            gain = np.sum(step * slope, axis=0)  # twice what the step would win in the sum if all were linear, at least
-            other = x + step / scale
-            new, A_new, g_new = problem.normal_equations(other, runs)
-            better = new <= cost + 1e-9 * (1 + cost)
-            x, cost = np.where(better, other, x), np.where(better, new, cost)
-            A, g = np.where(better, A_new, A), np.where(better, g_new, g)
-            done = better & (gain < 1e-8) & (damping < 1e-2)
-            damping = np.clip(np.where(better, damping / 10, damping * 10), 1e-14, 1e8)
-            if done.any():
-                found = runs[done]
-                best[:, found], P[..., found], final[found] = x[:, done], _inverse(A[..., done]), cost[done]
-                keep = ~done
-                x, cost, A, g, damping, runs = x[:, keep], cost[keep], A[..., keep], g[:, keep], damping[keep], runs[keep]
+        for some in np.array_split(runs, max(1, len(runs) * problem.there.shape[1] // _BLOCK)):
+            _search(problem, start[:, some], some, iterations, best, P, final)
     lost = ~np.isfinite(P).all(axis=(0, 1))
     best[:, lost] = np.nan
     if not one:
@@ -95,6 +76,32 @@ def batch_fix(z, t, satellites, R, chart, x0, t0=0.0, there=None, iterations=100
             f"x0: the search from {np.asarray(x0)} ends nowhere, expected a start from which it comes to a minimum that the range differences tell"
         )
     return BatchFix(best[:, 0], P[..., 0], final[0])
+
+
+def _search(problem, x, runs, iterations, best, P, final):
+    """Write the minima of the runs, begun at x (n, M'), with their covariances and sums into best, P, final of all M."""
+    damping = np.full(len(runs), 1e-3)
+    cost, A, g = problem.normal_equations(x, runs)
+    for _ in range(iterations):
+        if not len(runs):
+            break
+        scale = np.sqrt(np.einsum("iim->im", A))
+        C, slope = A / scale[:, None] / scale, g / scale
+        damped = C + damping * np.eye(len(x))[..., None]
+        step = matvec(inverse(damped), slope)
+        gain = np.sum(step * slope, axis=0)  # twice what the step would win in the sum if all were linear, at least
+        other = x + step / scale
+        new, A_new, g_new = problem.normal_equations(other, runs)
+        better = new <= cost + 1e-9 * (1 + cost)
+        x, cost = np.where(better, other, x), np.where(better, new, cost)
+        A, g = np.where(better, A_new, A), np.where(better, g_new, g)
+        done = better & (gain < 1e-8) & (damping < 1e-2)
+        damping = np.clip(np.where(better, damping / 10, damping * 10), 1e-14, 1e8)
+        if done.any():
+            found = runs[done]
+            best[:, found], P[..., found], final[found] = x[:, done], _inverse(A[..., done]), cost[done]
+            keep = ~done
+            x, cost, A, g, damping, runs = x[:, keep], cost[keep], A[..., keep], g[:, keep], damping[keep], runs[keep]
 
 
 class _Problem:

@@ -3,6 +3,8 @@
 Positions are ECEF, m; d and the points have any trailing axes (times, runs), against which those of `satellites` (3, 3) or (3, 3, ...) broadcast.
 """
 
+from math import comb, prod
+
 import numpy as np
 
 from trackhelpers.arrays import check_array, check_covariance, inverse
@@ -15,6 +17,8 @@ _AXES = np.array([Ellipsoid.a, Ellipsoid.a, Ellipsoid.b])
 _UNIT = 1e6  # m, of the ranges in the quartic
 _FLAT = 1e-5  # the least volume that S0's radius and the baselines span, as a share of a box's
 _BLOCK = 2048  # problems at a time, which fit into the processor's cache
+_REACH = 1.3  # the farthest root on the sphere whose point on the ellipsoid may be in sight, in distances of S0's horizon
+_BERNSTEIN = np.array([[comb(i, j) / comb(4, j) for j in range(5)] for i in range(5)])  # coefficients on (0, 1) from those of powers
 _QUIET = {"over": "ignore", "invalid": "ignore", "divide": "ignore"}
 
 
@@ -46,22 +50,15 @@ def fix(d, satellites, near=None):
     Of an emitter below the horizon the differences may have another point that is seen: nothing tells that from d alone.
     """
     d, s = _arguments(d, satellites)
-    found = candidates(d, s)
-    there = np.isfinite(found[0])
-    count = there.sum(axis=0)
     if d.ndim == 1:
-        _refuse(d, s, count, near)
-    if near is None:
-        chosen = np.argmax(there, axis=0)
-        lost = count != 1
-    else:
-        q = check_array(near, "near", 3)
-        q = _column(q, found) if q.ndim == 1 else q[:, None]
-        distance = np.sum((found - q) ** 2, axis=0)
-        chosen = np.argmin(np.where(there, distance, np.inf), axis=0)
-        lost = count == 0
-    p = np.take_along_axis(found, chosen[None, None], axis=1)[:, 0]
-    return np.where(lost, np.nan, p)
+        _refuse(d, s, np.isfinite(candidates(d, s)[0]).sum(), near)
+    shape = np.broadcast_shapes(d.shape[1:], s.shape[2:])
+    near = None if near is None else check_array(near, "near", 3)
+    p = np.empty((3, prod(shape)))
+    for block, there in _blocks(shape):
+        found = _points(_part(d, shape, there, 1), _part(s, shape, there, 2), True)
+        p[:, block] = _chosen(found, None if near is None else _part(near, shape, there, 1))
+    return p.reshape(3, *shape)
 
 
 def candidates(d, satellites, seen=True):
@@ -79,26 +76,49 @@ def candidates(d, satellites, seen=True):
     """
     d, s = _arguments(d, satellites)
     shape = np.broadcast_shapes(d.shape[1:], s.shape[2:])
-    s = np.broadcast_to(s.reshape(3, 3, *[1] * (len(shape) + 2 - s.ndim), *s.shape[2:]), (3, 3, *shape)).reshape(3, 3, -1)
-    d = np.broadcast_to(d.reshape(2, *[1] * (len(shape) + 1 - d.ndim), *d.shape[1:]), (2, *shape)).reshape(2, -1)
-    points = np.full((3, 4, d.shape[1]), np.nan)
-    with np.errstate(**_QUIET):
-        for first in range(0, d.shape[1], _BLOCK):
-            block = slice(first, first + _BLOCK)
-            _fill(points[..., block], d[:, block], s[..., block], seen)
+    points = np.empty((3, 4, prod(shape)))
+    for block, there in _blocks(shape):
+        points[..., block] = _points(_part(d, shape, there, 1), _part(s, shape, there, 2), seen)
     return points.reshape(3, 4, *shape)
 
 
-def _fill(points, d, s, seen):
-    """Write the points of K problems, d (2, K) and s (3, 3, K), into `points` (3, 4, K)."""
-    curve = _Curve(d, s)
-    r, where, column = curve.roots()
-    p, r = curve.to_local_radius(r, where)
-    signed = (r > 0) & np.all(r + d[:, where] > 0, axis=0)
-    p, where, column = p[:, signed], where[signed], column[signed]
-    p = _polished(p, d[:, where], s[..., where])
-    kept = _seen(p, s[..., where]) if seen else np.isfinite(p[0])
+def _blocks(shape):
+    """Slices of what has these axes in a row, and the indices that they stand for."""
+    count = prod(shape)
+    for first in range(0, count, _BLOCK):
+        block = slice(first, min(first + _BLOCK, count))
+        yield block, np.unravel_index(np.arange(block.start, block.stop), shape or (1,))
+
+
+def _part(values, shape, there, leading):
+    """The elements `there` of values, whose axes after the `leading` ones broadcast to `shape`: in a row, on the last axis."""
+    first, rest = values.shape[:leading], values.shape[leading:]
+    shape = shape or (1,)
+    return np.broadcast_to(values.reshape(*first, *[1] * (len(shape) - len(rest)), *rest), (*first, *shape))[(..., *there)]
+
+
+def _points(d, s, seen):
+    """The points (3, 4, K) of K problems, d (2, K) and s (3, 3, K)."""
+    points = np.full((3, 4, d.shape[1]), np.nan)
+    with np.errstate(**_QUIET):
+        curve = _Curve(d, s)
+        r, where, column = curve.roots(near=seen)
+        p, r = curve.to_local_radius(r, where)
+        signed = (r > 0) & np.all(r + d[:, where] > 0, axis=0)
+        p, where, column = p[:, signed], where[signed], column[signed]
+        p = _polished(p, d[:, where], s[..., where])
+        kept = _seen(p, s[..., where]) if seen else np.isfinite(p[0])
     points[:, column[kept], where[kept]] = p[:, kept]
+    return points
+
+
+def _chosen(found, near):
+    """Of points (3, 4, K) the only one, or the one nearest to `near` (3, K): (3, K)."""
+    there = np.isfinite(found[0])
+    distance = np.zeros(there.shape) if near is None else np.sum((found - near[:, None]) ** 2, axis=0)
+    chosen, count = np.argmin(np.where(there, distance, np.inf), axis=0), there.sum(axis=0)
+    lost = count != 1 if near is None else count == 0
+    return np.where(lost, np.nan, found[:, chosen, np.arange(len(lost))])
 
 
 def fix_covariance(position, satellites, R, chart):
@@ -122,14 +142,24 @@ def fix_covariance(position, satellites, R, chart):
     visible = _seen(p, s)
     if p.ndim == 1 and not np.all(visible):
         raise ValueError(f"position: expected one that all satellites see, got one below the horizon, {p}")
-    slopes = difference_gradients(p, satellites)
-    H = np.einsum("ik...,kj...->ij...", slopes, chart.jacobian(chart.to_chart(p)))
-    W = np.linalg.inv(check_covariance(R, "R", len(slopes), definite=True))
-    with np.errstate(**_QUIET):
-        P = inverse(np.einsum("ki...,kl,lj...->ij...", H, W, H, optimize=True))
-    if P.ndim == 2 and not np.isfinite(P).all():
+    W = np.linalg.inv(check_covariance(R, "R", s.shape[1] - 1, definite=True))
+    shape = np.broadcast_shapes(p.shape[1:], s.shape[2:])
+    if p.ndim == 1 or np.ndim(getattr(chart, "sign", 0)):
+        P = _covariance(p, s, W, chart)
+    else:
+        P = np.empty((2, 2, prod(shape)))
+        for block, there in _blocks(shape):
+            P[..., block] = _covariance(_part(p, shape, there, 1), _part(s, shape, there, 2), W, chart)
+    if not shape and not np.isfinite(P).all():
         raise ValueError("satellites: expected range differences that tell the position, got a singular HᵀR⁻¹H")
-    return np.where(visible, P, np.nan)
+    return np.where(visible, P.reshape(2, 2, *shape), np.nan)
+
+
+def _covariance(p, s, W, chart):
+    """(Hᵀ W H)⁻¹, NaN where that has no inverse."""
+    H = np.einsum("ik...,kj...->ij...", difference_gradients(p, s), chart.jacobian(chart.to_chart(p)))
+    with np.errstate(**_QUIET):
+        return inverse(np.einsum("ki...,kl,lj...->ij...", H, W, H, optimize=True))
 
 
 class _Curve:
@@ -148,20 +178,28 @@ class _Curve:
         self.P1 = -(self.d[0] * c1 + self.d[1] * c2) / volume
         self.P2 = -0.5 * self.normal
 
-    def roots(self):
-        """The real roots r (J,) with the sphere of the radius under S0, and whose they are and which of the four (J,)."""
+    def roots(self, near=False):
+        """The real roots r (J,) with the sphere of the radius under S0, and whose they are and which of the four (J,).
+
+        With `near` only those that may turn out to be in sight. A problem that has one, as most do, is solved without the other three.
+        """
         R = _radius(self.s[:, 0])
         P0, P1, P2 = self.P0 + 0.5 * R**2 * self.normal, self.P1, self.P2
         quartic = np.stack([_dot(P0, P0) - R**2, 2 * _dot(P0, P1), _dot(P1, P1) + 2 * _dot(P0, P2), 2 * _dot(P1, P2), _dot(P2, P2)])
         quartic *= _UNIT ** np.arange(5.0)[:, None]
         good = np.flatnonzero(np.isfinite(quartic).all(axis=0))
-        companion = np.zeros((len(good), 4, 4))
-        companion[:, [1, 2, 3], [0, 1, 2]] = 1
-        companion[:, :, 3] = (-quartic[:4, good] / quartic[4, good]).T
-        values = np.linalg.eigvals(companion) if len(good) else np.zeros((0, 4))
-        real = np.abs(values.imag) <= 1e-7 * np.abs(values.real)
-        which, column = np.nonzero(real)
-        return values.real[real] * _UNIT, good[which], column
+        if not near:
+            r, which, column = _all_roots(quartic[:, good])
+            return r * _UNIT, good[which], column
+        reach = _REACH * np.sqrt(np.maximum(_dot(self.s[:, 0], self.s[:, 0]) - _AXES[2] ** 2, 0)) / _UNIT
+        scaled = quartic[:, good] * reach[good] ** np.arange(5.0)[:, None]  # the roots in sight are in (0, 1)
+        bernstein = _BERNSTEIN @ scaled
+        changes = np.sum(bernstein[1:] * bernstein[:-1] <= 0, axis=0)  # at least as many as there are roots; 1 is one
+        one, several = np.flatnonzero(changes == 1), np.flatnonzero(changes > 1)
+        r, which, column = _all_roots(scaled[:, several])
+        r = np.concatenate([_single_root(scaled[:, one]), r])
+        which = good[np.concatenate([one, several[which]])]
+        return r * reach[which] * _UNIT, which, np.concatenate([np.zeros(len(one), dtype=int), column])
 
     def to_local_radius(self, r, where):
         """Points (3, J) and their r with R of each point, by Newton's iteration on |p(r)|² = R²."""
@@ -173,6 +211,32 @@ class _Curve:
             p = P0 + 0.5 * R**2 * normal + (P1 + P2 * r) * r
             r = r - 0.5 * (_dot(p, p) - R**2) / _dot(p, P1 + 2 * P2 * r)
         return P0 + 0.5 * R**2 * normal + (P1 + P2 * r) * r, r
+
+
+def _all_roots(quartic):
+    """The real roots of quartics (5, K), constant term first: r (J,), whose they are and which of the four (J,)."""
+    companion = np.zeros((quartic.shape[1], 4, 4))
+    companion[:, [1, 2, 3], [0, 1, 2]] = 1
+    companion[:, :, 3] = (-quartic[:4] / quartic[4]).T
+    values = np.linalg.eigvals(companion) if len(companion) else np.zeros((0, 4))
+    real = np.abs(values.imag) <= 1e-7 * np.abs(values.real)
+    return values.real[real], *np.nonzero(real)
+
+
+def _single_root(quartic):
+    """The root in (0, 1) of quartics (5, K) that have one there: Newton's steps, halving where one leads out of what is still open."""
+    c0, c1, c2, c3, c4 = quartic
+    rises, low, high, r = c0 < 0, np.zeros_like(c0), np.ones_like(c0), np.full_like(c0, 0.5)
+    for _ in range(60):
+        value = c0 + r * (c1 + r * (c2 + r * (c3 + r * c4)))
+        under = (value < 0) == rises
+        low, high = np.where(under, r, low), np.where(under, high, r)
+        step = r - value / (c1 + r * (2 * c2 + r * (3 * c3 + r * 4 * c4)))
+        step = np.where((step > low) & (step < high), step, 0.5 * (low + high))
+        moved, r = np.abs(step - r), step
+        if not np.any(moved > 1e-9):
+            break
+    return r
 
 
 def _arguments(d, satellites):
@@ -219,6 +283,8 @@ def _polished(p, d, s):
         c1, c2, c3 = _cross(g2, normal), _cross(normal, g1), _cross(g1, g2)
         step = (e1 * c1 + e2 * c2 + e3 * c3) / _dot(g1, c1)
         p = p + step
+        if not np.any(_dot(step, step) > 1e-8):  # 0.1 mm: the next one is below rounding
+            break
     return np.where(_dot(step, step) < 1e-6, p, np.nan)
 
 
