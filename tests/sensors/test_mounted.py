@@ -55,3 +55,24 @@ def test_the_noise_is_what_is_documented_where_none_is_named():
     assert np.allclose(Radar().sigma, (0.3, 0.03, 0.3)) and np.allclose(RangeBearing().sigma, (1, 0.01))
     assert np.allclose(Lidar().sigma, 0.15) and np.allclose(Position(state=CARTESIAN).sigma, 1)
     assert Radar().state == Lidar().state == Position().state == RangeBearing().state == TURN
+
+
+def test_R_is_of_all_rows_or_of_those_taken():
+    full, rows = np.diag([1.0, 4.0, 9.0]), Radar().components[1:]
+    for R in (full, full[1:, 1:]):
+        np.testing.assert_array_equal(Radar(R=R, rows=rows).R, full[1:, 1:])
+    with pytest.raises(ValueError, match="R: expected shape"):
+        Radar(R=full[:1, :1], rows=rows)
+
+
+@pytest.mark.parametrize("t", [np.inf, np.nan, "1"])
+def test_a_time_is_a_finite_number(t):
+    assert Lidar().at(2.0).m == 2
+    with pytest.raises(ValueError, match="t: expected a finite time"):
+        Lidar().at(t)
+
+
+def test_a_row_picks_a_component_or_its_negative():
+    sensor = LinearSensor([[0, -1, 0], [0, 2, 0], [1, 1, 0], [1, 0, 0]], np.eye(4), ("x", "θ", "v"))
+    assert [sensor.picks(i, [1]) for i in range(4)] == [True, False, False, False]
+    assert sensor.angles == (0,)
