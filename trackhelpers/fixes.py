@@ -3,7 +3,7 @@
 Positions are ECEF, m; d and the points have any trailing axes (times, runs), against which those of `satellites` (3, 3) or (3, 3, ...) broadcast.
 """
 
-from math import comb, prod
+from math import prod
 
 import numpy as np
 
@@ -11,6 +11,7 @@ from trackhelpers.arrays import check_array, check_covariance, inverse
 from trackhelpers.batch import BatchFix as BatchFix
 from trackhelpers.batch import batch_fix as batch_fix
 from trackhelpers.charts import Ellipsoid, check_chart
+from trackhelpers.quartic import real_roots, roots_up_to_one
 from trackhelpers.sensors.tdoa import check_stations, difference_gradients, range_differences
 
 _AXES = np.array([Ellipsoid.a, Ellipsoid.a, Ellipsoid.b])
@@ -18,7 +19,6 @@ _UNIT = 1e6  # m, of the ranges in the quartic
 _FLAT = 1e-5  # the least volume that S0's radius and the baselines span, as a share of a box's
 _BLOCK = 2048  # problems at a time, which fit into the processor's cache
 _REACH = 1.3  # the farthest root on the sphere whose point on the ellipsoid may be in sight, in distances of S0's horizon
-_BERNSTEIN = np.array([[comb(i, j) / comb(4, j) for j in range(5)] for i in range(5)])  # coefficients on (0, 1) from those of powers
 _QUIET = {"over": "ignore", "invalid": "ignore", "divide": "ignore"}
 
 
@@ -189,17 +189,12 @@ class _Curve:
         quartic *= _UNIT ** np.arange(5.0)[:, None]
         good = np.flatnonzero(np.isfinite(quartic).all(axis=0))
         if not near:
-            r, which, column = _all_roots(quartic[:, good])
+            r, which, column = real_roots(quartic[:, good])
             return r * _UNIT, good[which], column
         reach = _REACH * np.sqrt(np.maximum(_dot(self.s[:, 0], self.s[:, 0]) - _AXES[2] ** 2, 0)) / _UNIT
         scaled = quartic[:, good] * reach[good] ** np.arange(5.0)[:, None]  # the roots in sight are in (0, 1)
-        bernstein = _BERNSTEIN @ scaled
-        changes = np.sum(bernstein[1:] * bernstein[:-1] <= 0, axis=0)  # at least as many as there are roots; 1 is one
-        one, several = np.flatnonzero(changes == 1), np.flatnonzero(changes > 1)
-        r, which, column = _all_roots(scaled[:, several])
-        r = np.concatenate([_single_root(scaled[:, one]), r])
-        which = good[np.concatenate([one, several[which]])]
-        return r * reach[which] * _UNIT, which, np.concatenate([np.zeros(len(one), dtype=int), column])
+        r, which, column = roots_up_to_one(scaled)
+        return r * reach[good[which]] * _UNIT, good[which], column
 
     def to_local_radius(self, r, where):
         """Points (3, J) and their r with R of each point, by Newton's iteration on |p(r)|² = R²."""
@@ -211,32 +206,6 @@ class _Curve:
             p = P0 + 0.5 * R**2 * normal + (P1 + P2 * r) * r
             r = r - 0.5 * (_dot(p, p) - R**2) / _dot(p, P1 + 2 * P2 * r)
         return P0 + 0.5 * R**2 * normal + (P1 + P2 * r) * r, r
-
-
-def _all_roots(quartic):
-    """The real roots of quartics (5, K), constant term first: r (J,), whose they are and which of the four (J,)."""
-    companion = np.zeros((quartic.shape[1], 4, 4))
-    companion[:, [1, 2, 3], [0, 1, 2]] = 1
-    companion[:, :, 3] = (-quartic[:4] / quartic[4]).T
-    values = np.linalg.eigvals(companion) if len(companion) else np.zeros((0, 4))
-    real = np.abs(values.imag) <= 1e-7 * np.abs(values.real)
-    return values.real[real], *np.nonzero(real)
-
-
-def _single_root(quartic):
-    """The root in (0, 1) of quartics (5, K) that have one there: Newton's steps, halving where one leads out of what is still open."""
-    c0, c1, c2, c3, c4 = quartic
-    rises, low, high, r = c0 < 0, np.zeros_like(c0), np.ones_like(c0), np.full_like(c0, 0.5)
-    for _ in range(60):
-        value = c0 + r * (c1 + r * (c2 + r * (c3 + r * c4)))
-        under = (value < 0) == rises
-        low, high = np.where(under, r, low), np.where(under, high, r)
-        step = r - value / (c1 + r * (2 * c2 + r * (3 * c3 + r * 4 * c4)))
-        step = np.where((step > low) & (step < high), step, 0.5 * (low + high))
-        moved, r = np.abs(step - r), step
-        if not np.any(moved > 1e-9):
-            break
-    return r
 
 
 def _arguments(d, satellites):

@@ -14,6 +14,7 @@ INSIDE = {
     "fused.*": "the ensembles' steps, compiled: arguments that the ensembles have checked",
     "symbolic.*": "the ensembles' algebra on symbols",
     "checks.*": "the door itself: tests/arrays",
+    "quartic.*": "of what a fix has checked: tests/fixes",
     "tracks.*": "the door of the fusion rules",
     "numerals.without_minus_zero": "of text that was written by format",
     "ensemble.covariance.*": "the ensembles' algebra on arrays that they have checked",
