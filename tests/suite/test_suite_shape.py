@@ -8,16 +8,21 @@ from trackhelpers.suite import shape
 v4 = nbformat.v4
 FOLDED = {"tags": ["hide-cell"], "jupyter": {"source_hidden": True}}
 ANSWER = "ledger.answer({'a': 1.0})"
+SENTENCE = "The next:"
 LONG = "\n".join("x = 1" for _ in range(16))
 
 
 def notebook(*cells):
-    """A notebook that keeps to the form, with `cells` in its middle: text of code, or (text, metadata)."""
+    """A notebook that keeps to the form, with `cells` in its middle: text of code, or (text, metadata); a sentence before each."""
     made = [v4.new_markdown_cell("# Title\n\n## First"), v4.new_code_cell("ledger = Ledger('a', 'b')\nledger.questions")]
     for cell in cells:
         source, metadata = (cell, {}) if isinstance(cell, str) else cell
-        made.append(v4.new_markdown_cell(source) if source.startswith("## ") else v4.new_code_cell(source, metadata=metadata))
-    return v4.new_notebook(cells=[*made, v4.new_code_cell("ledger.write()")])
+        made += (
+            [v4.new_markdown_cell(source)]
+            if source.startswith("## ")
+            else [v4.new_markdown_cell(SENTENCE), v4.new_code_cell(source, metadata=metadata)]
+        )
+    return v4.new_notebook(cells=[*made, v4.new_markdown_cell(SENTENCE), v4.new_code_cell("ledger.write()")])
 
 
 @pytest.mark.parametrize(
@@ -53,6 +58,7 @@ def test_a_notebook_in_its_form_has_no_faults(cells):
         (["plots.show(a, '1', 'x')\nplots.show(b, '2', 'x')"], "2 figures"),
         (["plots.show(a, '1', 'x')\nPlayground(f, a=[1])"], "2 figures"),
         (["## " + "word " * 3801], "words"),
+        (["## Second\n\n$$a = b$$"], "0 tags"),
     ],
 )
 def test_what_breaks_the_form_is_named(cells, words):

@@ -48,9 +48,13 @@ def untagged(notebook):
 
 
 def unintroduced(notebook):
-    """Return a line of text for each open code cell that follows a code cell, open or folded, without text between; one that only waits for the reader needs none."""
-    found, before = [], None
-    for cell in notebook.cells:
+    """Return a line of text for each open code cell that follows a code cell, open or folded, without text between.
+
+    One that only waits for the reader needs none, nor do those before the first section, which prepare its picture and are folded in the book.
+    """
+    found, before, cells = [], None, notebook.cells
+    sections = [i for i, cell in enumerate(cells) if cell.cell_type == "markdown" and re.search("^## ", cell.source, flags=re.MULTILINE)]
+    for cell in cells[sections[0] :] if sections else cells:
         if cell.cell_type == "markdown" and not cell.source.strip():
             continue
         if cell.cell_type == before == "code" and not _folded(cell) and statements(cell.source):
@@ -63,7 +67,8 @@ def faults(notebook):
     """Return what keeps a notebook from its form, a line of text each.
 
     Open code cells have at most 15 statements, figures (`plots.show`, `Playground`) excepted, and 6 in the median; lines have at most 82 characters; a cell shows at most one figure; the ledger is
-    spoken to in the first code cell, the last one, and at most one folded cell a section (tag ``hide-cell``, ``jupyter.source_hidden``); the text has at most 3800 words.
+    spoken to in the first code cell, the last one, and at most one folded cell a section (tag ``hide-cell``, ``jupyter.source_hidden``); the text has at most 3800 words;
+    a displayed equation has one number (`untagged`), and text leads to each open cell (`unintroduced`).
     """
     found, counts, sections = [], [], []
     code = [cell for cell in notebook.cells if cell.cell_type == "code"]
@@ -96,4 +101,4 @@ def faults(notebook):
         found.append(f"the median of the open cells is {median(counts)} statements, expected at most {MEDIAN_STATEMENTS}")
     if words(notebook) > MOST_WORDS:
         found.append(f"the text has {words(notebook)} words, expected at most {MOST_WORDS}")
-    return found
+    return found + untagged(notebook) + unintroduced(notebook)
