@@ -44,7 +44,7 @@ def pages(tmp_path_factory):
         return Path(os.environ["BOOK"])
     out = tmp_path_factory.mktemp("book")
     shutil.copytree(NOTEBOOKS, out / "notebooks", ignore=shutil.ignore_patterns(".*"))
-    return book.pages(out / "notebooks", out / "book", with_written=True).parent
+    return book.pages(out / "notebooks", out / "book", with_written=True, with_reference=True).parent
 
 
 @pytest.fixture(scope="session")

@@ -20,12 +20,13 @@ def test_pages_of_a_book_load_nothing_from_outside(store, tmp_path):
     start = store("00_start_here.ipynb", title="The map: [first](1_thesis/1_first.ipynb), $x^2$")
     store("1_thesis/1_first.ipynb", "1 + 1", title="The first chapter")
     store("2_more_of_it/1_second.ipynb", title="The second chapter")
-    index = book.pages(start.parent, tmp_path / "book")
+    index = book.pages(start.parent, tmp_path / "book", with_reference=True)
     page = (index.parent / "00_start_here.html").read_text(encoding="utf-8").partition("<nav")[2]
     assert book.outside_addresses(index.parent) == []
     assert "00_start_here.html" in index.read_text(encoding="utf-8")
     assert page.index("1 · The thesis") < page.index("The first chapter") < page.index("2 · more of it") < page.index("The second chapter")
     assert (index.parent / "_static/mathjax/tex-chtml.js").exists()
+    assert "class trackhelpers.motion" in re.sub("<[^>]*>", "", (index.parent / "api_models.html").read_text(encoding="utf-8"))
 
 
 @pytest.mark.parametrize(

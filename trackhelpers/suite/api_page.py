@@ -16,7 +16,10 @@ GROUPS = {  # page -> title, modules and packages
     "api_filters": ("Filters of one target", ("filters", "follow", "manoeuvre")),
     "api_ensemble": ("Ensembles", ("ensemble",)),
     "api_judging": ("Judging and fusing", ("consistency", "exact", "fusion", "intervals")),
-    "api_suite": ("Data, tables, figures, ledger", ("datasets", "recordings", "reports", "published", "tables", "plots", "ledger")),
+    "api_suite": (
+        "Data, tables, figures, ledger",
+        ("datasets", "recordings", "reports", "published", "tables", "numerals", "plots", "play", "ledger"),
+    ),
 }
 
 

@@ -56,7 +56,7 @@ def build(folder=NOTEBOOKS, out=ROOT / "build"):
     (out / "results").mkdir()
     run(notebooks(folder), lambda path: executed / path.relative_to(folder), folder=folder, results=out / "results")
     try:
-        index = pages(executed, fresh, with_written=True)
+        index = pages(executed, fresh, with_written=True, with_reference=True)
     except BaseException:
         shutil.rmtree(fresh, ignore_errors=True)
         raise
@@ -65,18 +65,19 @@ def build(folder=NOTEBOOKS, out=ROOT / "build"):
     return book / index.relative_to(fresh)
 
 
-def pages(executed, out, with_written=False):
-    """Build the pages of the notebooks below `executed`, and the written ones if asked, into ``out/html`` and return the path of the first one."""
+def pages(executed, out, with_written=False, with_reference=False):
+    """Build the pages of the notebooks below `executed`, and if asked the written ones and the API reference, into ``out/html`` and return the path of the first one."""
     source, html = out / "source", out / "html"
     shutil.copytree(executed, source)
     chapters = {path.relative_to(source).with_suffix("").as_posix(): nbformat.read(path, as_version=4) for path in notebooks(source)}
     ledger = read_ledger(source / "results", source / "questions") if any((source / "results").glob("*__*.csv")) else None
     places, called = {} if ledger is None else places_of(ledger), titles(chapters)
-    for name, text in api_pages(chapters).items():
+    for name, text in api_pages(chapters).items() if with_reference else ():
         (source / name).write_text(text, encoding="utf-8")
+    known = homes() if with_reference else {}
     for name, notebook in chapters.items():
         rows = () if ledger is None else ledger.loc[ledger["notebook"] == name, "id"]
-        form.write(for_the_book(notebook, name, places, list(rows), homes()), source / f"{name}.ipynb")
+        form.write(for_the_book(notebook, name, places, list(rows), known), source / f"{name}.ipynb")
     if ledger is not None:
         (source / "ledger.md").write_text(ledger_page(ledger, called), encoding="utf-8")
         (source / "by_number.md").write_text(by_number(places), encoding="utf-8")
@@ -137,7 +138,9 @@ def contents(source):
     ]
     if look_up:
         blocks.append(_toctree("To look things up", look_up))
-    return "\n\n".join([*blocks, _toctree("API reference", GROUPS)])
+    if (source / f"{next(iter(GROUPS))}.md").exists():
+        blocks.append(_toctree("API reference", GROUPS))
+    return "\n\n".join(blocks)
 
 
 def _toctree(caption, names):
