@@ -19,7 +19,7 @@ NAMES = {
     "filterpy": "filterpy, model by hand",
     "filterpy redrawn": "filterpy, model by hand, points redrawn, angles wrapped",
     "filterpy IMM": "filterpy's IMMEstimator on two KalmanFilters",
-    "NumPy alone": "ensemble without llvmlite",
+    "NumPy alone": "ensemble, nothing compiled",
     "C": "a loop in C",
     "JAX": "JAX, vmap and scan",
     "cuthbert": "cuthbert, vmap",

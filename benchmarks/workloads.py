@@ -12,7 +12,7 @@ import numpy as np
 
 from trackhelpers import fused
 from trackhelpers.consistency import nees
-from trackhelpers.ensemble import EnsembleEKF, EnsembleKF, EnsembleUKF
+from trackhelpers.ensemble import EnsembleEKF, EnsembleKF, EnsembleUKF, shared
 from trackhelpers.follow import follow
 from trackhelpers.motion import CA, CTRA, CTRV, CV, LinearModel
 from trackhelpers.motion.base import Model
@@ -147,13 +147,13 @@ def ensemble_ukf(problem):
 
 
 def numpy_alone(contender):
-    """The same contender with numba left aside."""
+    """The same contender with nothing compiled."""
 
     def prepare(problem):
         call = contender(problem)
 
         def run():
-            with patch.object(fused, "binding", None):
+            with patch.object(fused, "binding", None), patch.object(shared, "_compiled", lambda: None):
                 return call()
 
         return run
