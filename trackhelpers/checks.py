@@ -14,6 +14,7 @@ from scipy.linalg.lapack import dpotrf
 from trackhelpers.real import floats, is_masked, said
 
 _FLOAT, _LARGEST = np.dtype(float), sys.float_info.max
+_LONGEST = 1e12  # s: thirty thousand years, whose powers in a covariance are numbers still
 
 
 def all_finite(a):
@@ -23,10 +24,10 @@ def all_finite(a):
 
 
 def check_dt(dt, name="dt"):
-    """The time step as a float, s. ValueError unless it is a finite scalar ≥ 0 (0 is allowed: two sensors at one instant)."""
-    if (isinstance(dt, float) or type(dt) is int) and 0 <= dt <= _LARGEST:
+    """The time step as a float, s. ValueError unless it is a scalar from 0 (two sensors at one instant) to 1e12."""
+    if (isinstance(dt, float) or type(dt) is int) and 0 <= dt <= _LONGEST:
         return float(dt)
-    return check_number(dt, name, "a finite time step ≥ 0, seconds as a number", 0)
+    return check_number(dt, name, "a finite time step ≥ 0 and ≤ 1e12, seconds as a number", 0, _LONGEST)
 
 
 def check_scale(value, name):

@@ -27,7 +27,7 @@ from trackhelpers import arrays, checks
     ],
 )
 def test_only_a_number_is_a_time_step_or_a_scale(dt):
-    with pytest.raises(ValueError, match="dt: expected a finite time step ≥ 0, seconds as a number, got"):
+    with pytest.raises(ValueError, match="dt: expected a finite time step ≥ 0 and ≤ 1e12, seconds as a number, got"):
         arrays.check_dt(dt)
     with pytest.raises(ValueError, match="sigma: expected a finite number ≥ 0, got"):
         arrays.check_scale(dt, "sigma")

@@ -1,7 +1,7 @@
 """Valid calls of the ensembles: runs on the last axis."""
 
 import numpy as np
-from bad_inputs import Count, Covariance, Each, Fixed, Mask, Numbers, Scale, Thing, Wrong
+from bad_inputs import Count, Covariance, Each, Fixed, Mask, Number, Numbers, Scale, Thing, Wrong
 from calls import Call, on
 from calls_filters import ADAPTIVE, CURVED, P0, P5, POSITION, QUIET, RADAR, SWITCHING, X0, X5, R, matrices, model_filters, two_models
 
@@ -97,7 +97,7 @@ for _name, (_make, _more, _model, _sensor) in _ensembles().items():
         Call(_make, model=Thing(_model), x0=Numbers(_x, free=True, beyond=(_x[:, 0], _x[1:], _x[:, :0])), P0=Covariance(_P), **_more),
         Call(lambda P0, make=_make, model=_model, x=_x: make(model, x, P0), P0=Covariance(np.repeat(_P[..., None], M, axis=2))),
     ]
-    CALLS[f"ensemble.{_name}.predict"] = [Call(on(_fresh, "predict"), dt=Scale(0.5))]
+    CALLS[f"ensemble.{_name}.predict"] = [Call(on(_fresh, "predict"), dt=Number(0.5, (-1.0, 1e13)))]
     _each = Covariance(np.repeat(_sensor.R[..., None], M, axis=2), optional=True)
     _some = Mask(MASK.value, optional=True)
     _updates += [Call(on(_predicted(_fresh), "update"), z=Numbers(_z, optional=True), sensor=Thing(_sensor), mask=_some, R=_each)]
@@ -118,7 +118,7 @@ CALLS |= {
             transition=Numbers(CHAIN, beyond=([[0.9, 0.2], [0.2, 0.8]],)),
         )
     ],
-    "ensemble.motion_imm.EnsembleMotionIMM.predict": [Call(on(imm, "predict"), dt=Scale(0.5))],
+    "ensemble.motion_imm.EnsembleMotionIMM.predict": [Call(on(imm, "predict"), dt=Number(0.5, (-1.0, 1e13)))],
     "ensemble.motion_imm.EnsembleMotionIMM.update": [
         Call(
             on(_predicted(imm), "update"),

@@ -163,7 +163,7 @@ CALLS = {
             common=Names(("x", "y"), optional=True),
         )
     ],
-    "filters.motion_imm.MotionIMM.predict": [Call(on(imm, "predict"), dt=Scale(0.5))],
+    "filters.motion_imm.MotionIMM.predict": [Call(on(imm, "predict"), dt=Number(0.5, (-1.0, 1e13)))],
     "filters.motion_imm.MotionIMM.update": [
         Call(on(_predicted(imm, RADAR, [11.0, 0.5, 3.0]), "update"), z=Z3, sensor=Thing(RADAR), R=OTHER_R3)
     ],
@@ -194,7 +194,7 @@ for _name, (_make, _more, _model, _sensor) in model_filters().items():
 
     CALLS[f"filters.{_name}"] = [Call(_make, model=Thing(_model), x0=Numbers(_x), P0=Covariance(_P), **_more)]
     _owner = _name.replace("motion_square_root_ukf.MotionSquareRootUKF", "motion_ukf.MotionUKF")  # which inherits the two
-    CALLS.setdefault(f"filters.{_owner}.predict", []).append(Call(on(_fresh, "predict"), dt=Scale(0.5)))
+    CALLS.setdefault(f"filters.{_owner}.predict", []).append(Call(on(_fresh, "predict"), dt=Number(0.5, (-1.0, 1e13))))
     _update = Call(on(_predicted(_fresh, _sensor, _z.value), "update"), z=_z, sensor=Thing(_sensor), R=_R)
     CALLS.setdefault(f"filters.{_owner}.update", []).append(_update)
 CALLS["filters.motion_ekf.MotionEKF.update"].append(

@@ -11,7 +11,7 @@ from trackhelpers.motion import CA, CCA, CSAA, CSAV, CTRA, CTRV, CV, LinearModel
 V2, V3, V5 = np.array([1.0, 2.0]), np.array([1.0, 2.0, 3.0]), np.array([10.0, 5.0, 3.0, 0.2, 0.1])
 P2, P5 = np.array([[4.0, 1.0], [1.0, 3.0]]), np.diag([1.0, 2.0, 3.0, 0.4, 0.5])
 MANY = np.stack([V2, V2 + 1, V2 + 2], axis=1)
-DT = Scale(0.5)
+DT = Number(0.5, (-1.0, -1e-12, 1e13, 1e300))
 OTHER_SHAPE = (np.ones((2, 5)), np.ones(5))
 SHAPED = {"gaps": True, "free": True, "beyond": (np.ones((5, 7)), V2)}
 
