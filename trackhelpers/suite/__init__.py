@@ -10,15 +10,15 @@ FIRST_PAGE = "00_start_here.ipynb"
 # Notebooks that need a public file that may be out of reach; without it they are skipped by name and keep their committed outputs.
 NEEDS = {"1_thesis/4_3_public_log.ipynb": "obj_pose-laser-radar-synthetic-input.txt"}
 
-# Those that run longest (half a minute to two minutes), the longest first: begun last, one of them would run on alone.
+# Those that run longest (half a minute), the longest first: begun last, one of them would run on alone.
 LONGEST = (
-    "3_augmented_bias/3_simulation.ipynb",
-    "2_track_fusion/4_experiments.ipynb",
-    "3_augmented_bias/0_introduction.ipynb",
-    "4_space_tdoa/4_simulation.ipynb",
     "4_space_tdoa/4_starts_and_formations.ipynb",
-    "4_space_tdoa/3_initial_state.ipynb",
-    "1_thesis/3_motion_models.ipynb",
+    "4_space_tdoa/4_simulation.ipynb",
+    "1_thesis/5_3_epidemic.ipynb",
+    "3_augmented_bias/3_simulation.ipynb",
+    "5_real_targets/2_ships.ipynb",
+    "1_thesis/5_1_ukf_ctra.ipynb",
+    "5_real_targets/1_aircraft.ipynb",
 )
 
 
