@@ -125,13 +125,12 @@ def constant_input(y, S, K, steps, F, G, H):
     b = np.zeros((*G.shape, *S[0].shape[2:]))
     ahead = with_runs(G, b)
     information, weighted = 0.0, 0.0
-    inverses = np.moveaxis(inverse(np.stack(np.broadcast_arrays(*S), axis=-1)), -1, 0)
-    for innovation, inverse_S, gain, count in zip(y, inverses, K, steps, strict=True):
+    for innovation, cov, gain, count in zip(y, S, K, steps, strict=True):
         for step in range(np.max(count)):
             moved = matmul(F, b) + ahead
             b = moved if step < np.min(count) else np.where(step < count, moved, b)
         seen = matmul(H, b)
-        whitened = matmul(inverse_S, seen)
+        whitened = matmul(inverse(cov), seen)
         information = information + np.einsum("ki...,kj...->ij...", seen, whitened)
         weighted = weighted + np.einsum("ki...,k...->i...", whitened, innovation)
         b = b - matmul(gain, seen)
