@@ -93,6 +93,21 @@ def test_equation_numbers_lead_to_their_row_but_not_in_formulas_code_or_headings
     assert for_the_book(v4.new_notebook(cells=[v4.new_markdown_cell(text)]), "4_space_tdoa/1_fixes", places).cells[0].source == text
 
 
+def test_equation_numbers_lead_to_the_equation_that_the_notebook_shows():
+    places = {("1_thesis", "Equation", "2.9"): ("1_thesis/2_kalman_filter", "eq-2-9")}
+    texts = [
+        "The gain is\n\n$$K = P \\tag{2.9}$$\n\nand by (2.9), unlike (a),\n\n$$S = R \\tag{2.9'}$$",
+        "It is $$v = 0 \\tag{a}$$ by (2.9) and (2.9'), not by `(a)` or (b).",
+    ]
+    made = for_the_book(v4.new_notebook(cells=[v4.new_markdown_cell(text) for text in texts]), "1_thesis/2_kalman_filter", places)
+    first, second = (cell.source for cell in made.cells)
+    assert first == (
+        'The gain is\n\n<a id="eq-2-9"></a>\n\n$$K = P \\tag{2.9}$$\n\nand by <a href="#row-eq-2-9">(2.9)</a>, unlike <a href="#eq-a">(a)</a>,\n\n'
+        '<a id="eq-2-9-prime"></a>\n\n$$S = R \\tag{2.9\'}$$'
+    )
+    assert '<a href="#eq-2-9">(2.9)</a> and <a href="#eq-2-9-prime">(2.9\')</a>, not by `(a)` or (b).' in second
+
+
 def test_chinese_words_say_their_language():
     made = for_the_book(v4.new_notebook(cells=[v4.new_markdown_cell("a filter, 滤波器, of `滤波` one")]))
     assert made.cells[0].source == 'a filter, <span lang="zh">滤波器</span>, of `滤波` one'
