@@ -72,14 +72,22 @@ def _width(cell):
 
 
 def _fold_the_opening(notebook):
-    """Before the first section the reader meets the situation and its picture; what draws it is folded."""
-    for cell in notebook.cells:
-        if cell.cell_type == "markdown" and re.search(r"^## ", cell.source, flags=re.MULTILINE):
-            return
+    """Before the first section the reader meets the situation and its picture; what draws it is folded, cells of a kind in a row in one fold."""
+    sections = [
+        i for i, cell in enumerate(notebook.cells) if cell.cell_type == "markdown" and re.search(r"^## ", cell.source, flags=re.MULTILINE)
+    ]
+    opening, cells, last = notebook.cells[: next(iter(sections), None)], [], None
+    for cell in opening:
+        kind = None
         if cell.cell_type == "code" and not {"hide-cell", "hide-input"} & set(cell.metadata.get("tags", [])):
             only_imports = all(re.match(r"from |import |[ )]|plots\.use_style|ledger = |$", line) for line in cell.source.splitlines())
             kind = "imports" if only_imports else "picture" if "plots.show(" in cell.source else "cast"
             cell.metadata["tags"] = [*cell.metadata.get("tags", []), "hide-input", kind]
+        if kind and kind == last and not cells[-1].outputs:
+            cell.source = f"{cells.pop().source}\n\n\n{cell.source}"
+        cells.append(cell)
+        last = kind
+    notebook.cells[: len(opening)] = cells
 
 
 def with_places(text, name, pointed):
