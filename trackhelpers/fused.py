@@ -110,15 +110,33 @@ def predict(model, x, P, dt):
 
 
 def update(sensor, model, x, P, z, R):
-    """x, P, y, S and K of an EKF's update; None as for `predict`, and for a sensor that changes with time or from run to run."""
-    if binding is None or not _plain(type(sensor), "at", "of_runs", "residual") or not _plain(type(model), "_normalise"):
+    """x, P, y, S and K of an EKF's update; None as for `predict`, and for a sensor that changes with time or from run to run in a way that it does not tell."""
+    return corrected(_update, (), sensor, model, x, P, z, R)
+
+
+def corrected(build, more, sensor, model, x, P, z, R):
+    """What ``build(sensor, model, own_noise, *more)`` makes of an update: arrays (…, M) of x, P, z and, unless it is the sensor's own, R; None as for `update`."""
+    if binding is None or not _plain(type(model), "_normalise"):
         return None
+    told = timeless(sensor)
+    if told is None:
+        return None
+    owner, key, given, signs, on_symbols = told
     own = R is sensor.R
-    kernel = _traced(sensor, _layout(model, own), lambda: _update(sensor, model, own))
+    kernel = _traced(owner, (build, more, key, _layout(model, own)), lambda: build(on_symbols(3 if own else 4), model, own, *more))
     if kernel is None:
         return None
     runs = x.shape[1]
-    return kernel(runs, x, P, z, *([] if own else [np.broadcast_to(R.reshape(*R.shape[:2], -1), (*R.shape[:2], runs))]))
+    noise = [] if own else [np.broadcast_to(R.reshape(*R.shape[:2], -1), (*R.shape[:2], runs))]
+    return kernel(runs, x, P, z, *noise, *signs, given=given)
+
+
+def timeless(sensor):
+    """Of a sensor that is traced once for all times what `StationDifferences.moving` tells; None for one that changes with time or from run to run, and does not tell how."""
+    if _plain(type(sensor), "at", "of_runs", "residual"):
+        return sensor, (), None, (), lambda array: sensor
+    moving = getattr(sensor, "moving", None)
+    return moving() if moving and _plain(type(sensor), "residual") else None
 
 
 def _layout(model, *more):
