@@ -38,7 +38,11 @@ def followed(kind, chart, R=None, flat=False):
     return ens, sensors
 
 
-@pytest.mark.parametrize("kind", [EnsembleEKF, EnsembleUKF])
+def iterated(*start):
+    return EnsembleEKF(*start, iterations=4)
+
+
+@pytest.mark.parametrize("kind", [EnsembleEKF, iterated, EnsembleUKF])
 @pytest.mark.parametrize("chart", CHARTS.values(), ids=CHARTS)
 @pytest.mark.parametrize("R", [None, 2.0])
 def test_what_is_compiled_is_numpys_step(kind, chart, R):

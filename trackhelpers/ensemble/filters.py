@@ -74,7 +74,7 @@ class EnsembleEKF(Ensemble):
         return type(z) is np.ndarray and z.dtype == float and z.shape == (sensor.m, self.runs) and all_finite(z)
 
     def _corrected(self, x, P, z, sensor, R):
-        corrected = fused.update(sensor, self.model, x, P, z, R) if self.iterations == 1 else None
+        corrected = fused.update(sensor, self.model, x, P, z, R, self.iterations)
         if corrected is not None:
             return corrected
         with np.errstate(**QUIET):
