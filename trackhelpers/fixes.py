@@ -232,7 +232,8 @@ def _refuse(d, s, count, near):
 
 def _radius(p):
     """The Earth's radius, m, in the direction of p (3, ...)."""
-    return np.sqrt(_dot(p, p) / _dot(p / _column(_AXES, p), p / _column(_AXES, p)))
+    across, along = p[0] * p[0] + p[1] * p[1], p[2] * p[2]
+    return np.sqrt((across + along) / (across / Ellipsoid.a**2 + along / Ellipsoid.b**2))
 
 
 def _seen(p, s):

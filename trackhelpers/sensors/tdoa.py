@@ -6,9 +6,10 @@ from math import sqrt
 import numpy as np
 
 from trackhelpers.arrays import check_array
-from trackhelpers.charts import check_chart
+from trackhelpers.charts import Ellipsoid, LocalENU, Plane, check_chart
 from trackhelpers.checks import check_mask, check_numbers
 from trackhelpers.sensors.base import Sensor, check_time
+from trackhelpers.symbols import Symbol
 
 
 def range_differences(position, satellites):
@@ -38,6 +39,10 @@ def difference_gradients(position, satellites):
     """
     u, r0, rows = _rows(position, satellites)
     return np.stack([np.stack([(bk - d / r0 * uk) / r for bk, uk in zip(b, u, strict=True)]) for b, r, d in rows])
+
+
+class _Kind:
+    """What a sensor and its copies at other times have in common."""
 
 
 class StationDifferences(Sensor):
@@ -87,7 +92,7 @@ class StationDifferences(Sensor):
         )
         super().__init__(None if given else sigma, state, sigma if given else R, rows)
         self._place = self._column("x"), self._column("y")
-        self._latest = None, None
+        self._latest, self._numbers, self._kind = (None, None), None, _Kind()
         self._stations = None if callable(satellites) else self._prepared(None)
 
     def at(self, t):
@@ -108,6 +113,38 @@ class StationDifferences(Sensor):
         sign = getattr(self.chart, "sign", None)
         return self.with_chart(self.chart.with_sign(sign[check_mask(mask, "mask", len(sign))])) if np.ndim(sign) else self
 
+    def moving(self):
+        """How `trackhelpers.fused` takes the sensor, which is traced once for all times; None for other charts than those of `trackhelpers.charts`, and without a time.
+
+        Returns
+        -------
+        owner, key : object, tuple
+            Equal for sensors that differ in nothing but `given` and `signs`.
+        given : numpy.ndarray, shape (k,)
+            Where the stations are.
+        signs : tuple
+            Of an `Ellipsoid` with a sign for each run this array (M,).
+        on_symbols : callable
+            ``on_symbols(k)`` is the sensor with symbols in the place of what is given, and of the signs as the array with the number k.
+        """
+        chart, kind = self.chart, type(self.chart)
+        if self._stations is None or kind not in (Plane, Ellipsoid, LocalENU):
+            return None
+        if self._numbers is None:
+            first, baselines = self._stations[:2]
+            self._numbers = np.array([*first, *(number for b, bb in baselines for number in (*b, bb))])
+        signs = (chart.sign,) if kind is Ellipsoid and chart.sign.ndim else ()
+        place = (chart.lat, chart.lon, chart.h) if kind is LocalENU else ()
+        sign = (float(chart.sign),) if kind is Ellipsoid and not signs else ()
+        return self._kind, (kind, *place, *sign), self._numbers, signs, self._on_symbols
+
+    def _on_symbols(self, array):
+        numbers = [Symbol("given", i) for i in range(len(self._numbers))]
+        baselines = [(numbers[i : i + 3], numbers[i + 3]) for i in range(3, len(numbers), 4)]
+        signs = np.ndim(getattr(self.chart, "sign", 0))
+        chart = self.chart.with_symbol(Symbol("load", array, 0)) if signs else self.chart
+        return self._copy(_stations=(numbers[:3], baselines), chart=chart)
+
     def _named(self, rows):
         """The names of rows that are given by numbers or names."""
         rows = [rows] if isinstance(rows, str) or not hasattr(rows, "__iter__") else list(rows)
@@ -117,7 +154,7 @@ class StationDifferences(Sensor):
 
     def _copy(self, **changed):
         other = copy.copy(self)
-        other.__dict__.update(changed, _latest=(None, None))
+        other.__dict__.update(changed, _latest=(None, None), _numbers=None)
         return other
 
     def _prepared(self, t):
@@ -129,14 +166,13 @@ class StationDifferences(Sensor):
         return s[:, 0].tolist(), [(b, b[0] * b[0] + b[1] * b[1] + b[2] * b[2]) for b in baselines]
 
     def _seen(self, x):
-        """Coordinates q, and from s_0 the emitter's direction, its range r_0, and for each row that is taken (i, s_0 − s_i, r_i, d_i)."""
+        """The two coordinates q, and from s_0 the emitter's direction, its range r_0, and for each row that is taken (i, s_0 − s_i, r_i, d_i)."""
         if self._stations is None:
             raise ValueError(f"{type(self).__name__}: the satellites move: ask for the sensor of an instant, .at(t)")
         first, baselines = self._stations[:2]
-        q = np.stack([x[i] for i in self._place])
-        p = self.chart.position(q)
-        single = x.ndim == 1
-        u = [row - s for row, s in zip(p.tolist() if single else p, first, strict=True)]
+        q, single = [x[i] for i in self._place], x.ndim == 1
+        p = self.chart.position(np.stack(q)).tolist() if single else self.chart.rows(q)
+        u = [row - s for row, s in zip(p, first, strict=True)]
         root = sqrt if single else np.sqrt
         square = u[0] * u[0] + u[1] * u[1] + u[2] * u[2]
         r0, rows = root(square), []
@@ -172,8 +208,7 @@ class TDOA(StationDifferences):
 
     def _H(self, x, parts):
         q, u, r0, rows = parts
-        J = self.chart.jacobian(q)
-        J = J.tolist() if x.ndim == 1 else J
+        J = self.chart.jacobian(np.stack(q)).tolist() if x.ndim == 1 else self.chart.slopes(q)
         entries = {}
         for i, b, r, d in rows:
             ratio = d / r0
