@@ -1,4 +1,5 @@
-"""What an `EnsembleUKF` does around a sensor's h, as compiled loops over the runs: the sigma points, and the update from what the sensor saw at them.
+"""What an `EnsembleUKF` does around a model's f and a sensor's h, as compiled loops over the runs: the sigma points, the moments of where f takes them, and the
+update from what the sensor saw at them.
 
 As in `trackhelpers.fused` the algebra is written in symbols and compiled once a size; None is returned without a compiler. The results are NumPy's to rounding.
 """
@@ -8,7 +9,7 @@ from functools import lru_cache
 import numpy as np
 
 from trackhelpers.kernels import Kernel, binding
-from trackhelpers.symbols import Symbol, choose, number
+from trackhelpers.symbols import Symbol, choose, number, wrap
 
 MOST_STATES = 8  # the code grows with the cube of the number of states, and so does the time that compiling takes
 
@@ -21,8 +22,16 @@ def sigma_points(x, P, spread):
     return _points(n)(runs, x, P, np.full((1, runs), np.sqrt(spread)))
 
 
-def corrected(root, seen, P, R, weights):
-    """The mean of what was seen, (m, M), its covariance S, the gain K and the posterior P, for a sensor without angles.
+def moments(moved, Q, weights):
+    """Mean (n, M) and covariance (n, n, M) of the points (n, 2 n + 1, M) that f has moved, with Q, (n, n) or (n, n, M), added; `weights` as in `corrected`."""
+    n, _, runs = moved.shape
+    if binding is None or n > MOST_STATES:
+        return None
+    return _moments(n, weights)(runs, moved, np.broadcast_to(Q.reshape(n, n, -1), (n, n, runs)))
+
+
+def corrected(root, seen, P, R, weights, angular=()):
+    """The mean of what was seen, (m, M), its covariance S, the gain K and the posterior P.
 
     Parameters
     ----------
@@ -32,12 +41,14 @@ def corrected(root, seen, P, R, weights):
     R : numpy.ndarray, shape (m, m) or (m, m, M)
     weights : tuple of float
         Of the mean: the first point and each other one; then of the covariance likewise.
+    angular : tuple of int
+        Rows of what was seen that are angles, rad: averaged about the first point, their differences taken the short way round.
     """
     n, m, runs = len(P), len(seen), P.shape[2]
     if binding is None or n > MOST_STATES:
         return None
     R = np.broadcast_to(R.reshape(m, m, -1), (m, m, runs))
-    return _update(n, m, weights)(runs, root, seen, P, R)
+    return _update(n, m, weights, tuple(angular))(runs, root, seen, P, R)
 
 
 @lru_cache(maxsize=64)
@@ -55,16 +66,32 @@ def _points(n):
 
 
 @lru_cache(maxsize=64)
-def _update(n, m, weights):
+def _moments(n, weights):
+    k, Q, (_, mean_other, first, other) = 2 * n + 1, _lower(1, n), weights
+    mean, apart = [], []
+    for i in range(n):
+        row = [_load(0, i * k + j) for j in range(k)]
+        from_first = [value - row[0] for value in row]
+        shift = _total(from_first[1:]) * mean_other
+        mean.append(row[0] + shift)
+        apart.append([value - shift for value in from_first])
+    P = [[Q[a][b] + apart[a][0] * apart[b][0] * first + _dot(apart[a][1:], apart[b][1:]) * other for b in range(a + 1)] for a in range(n)]
+    return Kernel([((n,), mean), ((n, n), _flat(_mirrored(P)))])
+
+
+@lru_cache(maxsize=64)
+def _update(n, m, weights, angular):
     k = 2 * n + 1
     root = [[_load(0, i * n + j) for j in range(n)] for i in range(n)]
     seen = [[_load(1, a * k + j) for j in range(k)] for a in range(m)]
     P, R, (_, mean_other, first, other) = _lower(2, n), _lower(3, m), weights
     # about the first point, for the points' differences are small beside what is seen
-    from_first = [[value - row[0] for value in row] for row in seen]
+    short = [wrap if a in angular else number for a in range(m)]
+    from_first = [[short[a](value - row[0]) for value in row] for a, row in enumerate(seen)]
     shift = [_total(row[1:]) * mean_other for row in from_first]  # the weights of the mean add up to one
-    mean = [row[0] + shift_ for row, shift_ in zip(seen, shift, strict=True)]
-    apart = [[value - shift_ for value in row] for row, shift_ in zip(from_first, shift, strict=True)]
+    mean = [short[a](row[0] + shift[a]) for a, row in enumerate(seen)]
+    apart = [[short[a](value - shift[a]) for value in row] for a, row in enumerate(from_first)]
+    from_first = [apart[a] if a in angular else row for a, row in enumerate(from_first)]  # an angle's pairs as they lie about the mean
     S = [[R[a][b] + apart[a][0] * apart[b][0] * first + _dot(apart[a][1:], apart[b][1:]) * other for b in range(a + 1)] for a in range(m)]
     # of the points' distances from x one is zero, and the others are pairs ±
     pairs = [[row[1 + j] - row[1 + n + j] for j in range(n)] for row in from_first]
