@@ -212,18 +212,20 @@ def test_the_unscented_prediction_of_a_linear_model_is_that_of_its_sigma_points(
     np.testing.assert_allclose(ens.P, P, atol=1e-13)
 
 
-def test_the_unscented_filter_is_the_same_compiled_or_not(monkeypatch):
-    """A sensor without angles is what the compiled update serves; one run's covariance is spoilt."""
+@pytest.mark.parametrize("sensor", [Lidar(0.15), Radar((0.3, 0.03, 0.3))])
+@pytest.mark.parametrize("alpha", [1.0, 0.4])
+def test_the_unscented_filter_is_the_same_compiled_or_not(monkeypatch, sensor, alpha):
+    """The bearings lie about ±π, so that most of their differences have to go the short way round; one run's covariance is spoilt."""
     model, rng = CTRV(2.0, 0.3), np.random.default_rng(8)
-    lidar, x0 = Lidar(0.15), np.array([1.0, 2.0, 5.0, 0.3, 0.1])[:, None] + 0.1 * rng.standard_normal((5, 40))
-    zs = x0[:2] + rng.standard_normal((30, 2, 40))
+    x0 = np.array([-30.0, 0.0, 5.0, 0.3, 0.1])[:, None] + 0.1 * rng.standard_normal((5, 40))
+    zs = sensor.h(x0) + np.sqrt(sensor.R) @ rng.standard_normal((30, sensor.m, 40))
 
     def run():
-        ens = EnsembleUKF(model, x0, np.eye(5))
+        ens = EnsembleUKF(model, x0, np.eye(5), alpha=alpha)
         ens.P = np.where(np.arange(40) == 7, -1.0, 1.0) * ens.P
         for z in zs:
             ens.predict(0.05)
-            ens.update(z, lidar)
+            ens.update(z, sensor)
         return ens
 
     with warnings.catch_warnings():

@@ -127,36 +127,43 @@ class EnsembleUKF(Ensemble):
     def _transformed(self, dt):
         with np.errstate(**QUIET):
             Q = self.model.Q(self.x, dt)
-            moved = self.model.f(self._sigma_points(self.x, self._displacements(self.P)), dt)
-            x = np.einsum("k,nk...->n...", self.Wm, moved)
-            P = self._spread_about(moved, x)[0]
-            P += Q
-            mirror(P)
+            moved = self.model.f(self._root_and_points(self.x, self.P)[1], dt)
+            compiled = unscented_compiled.moments(moved, Q, self._weights)
+            if compiled is not None:
+                x, P = compiled
+            else:
+                x = np.einsum("k,nk...->n...", self.Wm, moved)
+                P = self._spread_about(moved, x)[0]
+                P += Q
+                mirror(P)
         return self.model._normalise(x), P
 
+    @property
+    def _weights(self):
+        """Of the mean, the first point's and each other's; of the covariance likewise."""
+        return self.Wm[0], self.Wm[-1], self.Wc[0], self.Wc[-1]
+
     def _corrected(self, x, P, z, sensor, R):
-        weights = self.Wm[0], self.Wm[-1], self.Wc[0], self.Wc[-1]
-        whole = unscented_compiled.update(sensor, self.model, x, P, z, R, self._spread, weights)
+        whole = unscented_compiled.update(sensor, self.model, x, P, z, R, self._spread, self._weights)
         if whole is None:
-            return self._corrected_by_points(x, P, z, sensor, R, weights)
+            return self._corrected_by_points(x, P, z, sensor, R)
         doubtful = ~np.isfinite(whole[0]).all(axis=0)
         if doubtful.any():  # a P that is only semidefinite has a root that takes longer
             R = R[..., doubtful] if R.ndim == 3 else R
-            parts = self._corrected_by_points(x[:, doubtful], P[..., doubtful], z[:, doubtful], sensor.of_runs(doubtful), R, weights)
+            parts = self._corrected_by_points(x[:, doubtful], P[..., doubtful], z[:, doubtful], sensor.of_runs(doubtful), R)
             for part, value in zip(whole, parts, strict=True):
                 part[..., doubtful] = value
         return whole
 
-    def _corrected_by_points(self, x, P, z, sensor, R, weights):
+    def _corrected_by_points(self, x, P, z, sensor, R):
         with np.errstate(**QUIET):
             root, points = self._root_and_points(x, P)
             seen = sensor.h(points)
-            if not sensor.angles:
-                compiled = unscented_compiled.corrected(root, seen, P, R, weights)
-                if compiled is not None:
-                    z_hat, S, K, P_post = compiled
-                    y = sensor.residual(z, z_hat)
-                    return self._moved(x, K, y), P_post, y, S, K
+            compiled = unscented_compiled.corrected(root, seen, P, R, self._weights, sensor.angles)
+            if compiled is not None:
+                z_hat, S, K, P_post = compiled
+                y = sensor.residual(z, z_hat)
+                return self._moved(x, K, y), P_post, y, S, K
             z_hat = angles.mean(seen, self.Wm, sensor.angles)
             S, deviation = self._spread_about(seen, z_hat, sensor.angles)
             S += R if R.ndim == 3 else R[..., None]
