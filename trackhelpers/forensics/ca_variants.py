@@ -104,8 +104,8 @@ def gains(variants, steps=STEPS):
     return K
 
 
-def respond(variants, z, K=None):
-    """Predictions and estimates that the variants make of measurements z (N, M): two arrays (N, 3, V, M). All start at zero, at sample 0.
+def outputs(variants, z, K=None):
+    """Yield the prediction and the estimate of the variants, two arrays (3, V, M), at each sample of z (N, M). All start at zero, at sample 0.
 
     `K`, shape (N, 3, V), spares the computation of `gains`.
     """
@@ -114,13 +114,17 @@ def respond(variants, z, K=None):
         raise ValueError(f"z: expected shape (N, M), samples on the first axis and runs on the last, got {z.shape}")
     K = gains(variants, len(z)) if K is None else K
     F, late = variants.F[..., None], variants.settings["late"].to_numpy()[:, None]
-    prior = np.zeros((len(z), 3, F.shape[2], z.shape[1]))
-    posterior = np.zeros_like(prior)
+    prior = posterior = np.zeros((3, F.shape[2], z.shape[1]))
+    yield prior, posterior
     for k in range(1, len(z)):
-        last = np.where(variants.open_loop[:, None], prior[k - 1], posterior[k - 1])
-        prior[k] = last  # every F of the grid is the identity but for three entries
-        prior[k, 0] += F[0, 1] * last[1] + F[0, 2] * last[2]
-        prior[k, 1] += F[1, 2] * last[2]
-        innovation = np.where(late, z[k - 1], z[k]) - prior[k, 0]
-        posterior[k] = prior[k] + K[k][..., None] * innovation
-    return prior, posterior
+        last = np.where(variants.open_loop[:, None], prior, posterior) if variants.open_loop.any() else posterior
+        prior = last.copy()  # every F of the grid is the identity but for three entries
+        prior[0] += F[0, 1] * last[1] + F[0, 2] * last[2]
+        prior[1] += F[1, 2] * last[2]
+        posterior = prior + K[k][..., None] * (np.where(late, z[k - 1], z[k]) - prior[0])
+        yield prior, posterior
+
+
+def respond(variants, z, K=None):
+    """`outputs` of all samples together: predictions and estimates, two arrays (N, 3, V, M)."""
+    return tuple(np.stack(each) for each in zip(*outputs(variants, z, K), strict=True))

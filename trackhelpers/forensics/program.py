@@ -85,13 +85,20 @@ class EnsembleUnsymmetricEKF(EnsembleEKF):
             H, R = sensor.H(x), R.reshape(*R.shape, *[1] * (3 - R.ndim))
             PHt = np.einsum("ij...,kj...->ik...", P, H)
             S = matmul(H, PHt) + R
-            stack = np.moveaxis(S, -1, 0).copy()
-            stack[~(np.abs(np.linalg.det(stack)) > 0)] = (
-                np.nan
-            )  # one lost run must not stop the others: inv refuses a singular matrix, not NaN
-            K = matmul(PHt, np.moveaxis(np.linalg.inv(stack), 0, -1))
-            A, y = np.eye(len(P))[..., None] - matmul(K, H), sensor.residual(z, sensor.h(x))
-            return self._moved(x, K, y), congruence(A, P) + congruence(K, R), y, S, K
+            K, y = matmul(PHt, _inverse(S)), sensor.residual(z, sensor.h(x))
+            B = P - matmul(K, matmul(H, P))  # Joseph's form, multiplied out as far as no symmetry is needed
+            slack = np.einsum("ij...,kj...->ik...", B, H) - matmul(K, R)
+            return self._moved(x, K, y), B - np.einsum("ij...,kj...->ik...", slack, K), y, S, K
+
+
+def _inverse(S):
+    """Inverse of S (m, m, M), NaN in the runs where it is singular: those must not stop the others."""
+    stack = np.moveaxis(S, -1, 0)
+    try:
+        inverse = np.linalg.inv(stack)
+    except np.linalg.LinAlgError:
+        inverse = np.linalg.inv(np.where(np.abs(np.linalg.det(stack))[:, None, None] > 0, stack, np.nan))
+    return np.ascontiguousarray(np.moveaxis(inverse, 0, -1))  # runs side by side again
 
 
 def window_deviations(x, table):
