@@ -1,4 +1,4 @@
-"""Settings of every test run. Under ``--nbval``: strict kernels, longest notebooks first, those without data skipped, ledgers compared."""
+"""Settings of every test run. With ``-n``: a file a worker, the longest first. Under ``--nbval``: strict kernels, longest notebooks first, those without data skipped, ledgers compared."""
 
 import contextlib
 import os
@@ -18,10 +18,23 @@ settings.load_profile("patient")
 
 os.environ.setdefault("MPLBACKEND", "Agg")  # the notebooks' kernels have their own setting
 
+# Files of tests by their processor time, the longest first: with two workers both then finish at about the same time.
+LONGEST = (
+    "ensemble/test_monte_carlo.py",
+    "suite/test_suite_book.py",
+)
+
+# For the processes that the tests start: see there.
+QUICK = Path(__file__).parent / "tests" / "quick"
+if QUICK.is_dir() and not os.environ.get("PYTHONPATH", "").startswith(str(QUICK)):
+    os.environ["PYTHONPATH"] = os.pathsep.join(filter(None, [str(QUICK), os.environ.get("PYTHONPATH")]))
+
 
 def pytest_configure(config):
     if not WRITABLE:
         config.addinivalue_line("filterwarnings", "ignore::pytest.PytestCacheWarning")
+    if config.getoption("dist", "no") == "load":  # what -n chooses by itself; a file's fixtures are then made once
+        config.option.dist, config.option.loadscopereorder = "loadfile", False
     if not config.getoption("nbval", False) or hasattr(config, "workerinput"):  # pytest-xdist's workers inherit the environment
         return
     from trackhelpers.suite.kernel import strict_kernels
@@ -35,6 +48,8 @@ def pytest_configure(config):
 
 def pytest_collection_modifyitems(config, items):
     if not config.getoption("nbval", False):
+        place = {config.rootpath / "tests" / name: i for i, name in enumerate(LONGEST)}
+        items.sort(key=lambda item: place.get(item.path, len(place)))
         return
     from trackhelpers.suite import longest_first, missing_data
 

@@ -39,7 +39,7 @@ def test_tests_are_in_a_random_order_only_where_it_is_asked_for(tmp_path):
     (tmp_path / "test_many.py").write_text("import pytest\n@pytest.mark.parametrize('i', range(40))\ndef test(i): pass\n")
 
     def order(*options):
-        command = [sys.executable, "-m", "pytest", "--collect-only", "test_many.py", *options]
+        command = [sys.executable, "-m", "pytest", "--collect-only", "--assert=plain", "test_many.py", *options]
         out = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=True).stdout
         return out, [int(i) for i in re.findall(r"<Function test\[(\d+)\]>", out)]
 
