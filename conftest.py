@@ -22,6 +22,21 @@ os.environ.setdefault("MPLBACKEND", "Agg")  # the notebooks' kernels have their 
 LONGEST = (
     "ensemble/test_monte_carlo.py",
     "suite/test_suite_book.py",
+    "suite/test_suite_run.py",
+    "suite/test_suite_nbval.py",
+    "fused/test_fused.py",
+    "benchmarks/test_benchmarks.py",
+    "ensemble/test_missing_measurements.py",
+    "ensemble/test_adaptive_and_switching.py",
+    "play/test_play.py",
+    "ensemble/test_ensemble.py",
+    "contract/test_contract.py",
+    "suite/test_suite_order.py",
+    "suite/test_suite_student.py",
+    "ledger/test_ledger_tampering.py",
+    "suite/test_suite_records.py",
+    "notebooks/test_committed.py",
+    "whole/test_whole.py",
 )
 
 # For the processes that the tests start: see there.

@@ -143,7 +143,10 @@ def test_ctrl_c_ends_a_run_in_one_line_within_two_seconds(store, tmp_path, code)
     before = path.read_bytes()
     (tmp_path / "script.py").write_text(INTERRUPTED)
     process = subprocess.Popen(
-        [sys.executable, tmp_path / "script.py", path], stderr=subprocess.PIPE, text=True, env=os.environ | {"PYTHONPATH": os.pathsep.join([str(ROOT / "tests" / "quick"), str(ROOT)])}
+        [sys.executable, tmp_path / "script.py", path],
+        stderr=subprocess.PIPE,
+        text=True,
+        env=os.environ | {"PYTHONPATH": os.pathsep.join([str(ROOT / "tests" / "quick"), str(ROOT)])},
     )
     while not (path.parent / "begun").exists():
         assert process.poll() is None
