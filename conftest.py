@@ -39,10 +39,8 @@ LONGEST = (
     "whole/test_whole.py",
 )
 
-# For the processes that the tests start: see there.
+# What stands before other packages in the processes that the unit tests start: see there.
 QUICK = Path(__file__).parent / "tests" / "quick"
-if QUICK.is_dir() and not os.environ.get("PYTHONPATH", "").startswith(str(QUICK)):
-    os.environ["PYTHONPATH"] = os.pathsep.join(filter(None, [str(QUICK), os.environ.get("PYTHONPATH")]))
 
 
 def pytest_configure(config):
@@ -50,7 +48,10 @@ def pytest_configure(config):
         config.addinivalue_line("filterwarnings", "ignore::pytest.PytestCacheWarning")
     if config.getoption("dist", "no") == "load":  # what -n chooses by itself; a file's fixtures are then made once
         config.option.dist, config.option.loadscopereorder = "loadfile", False
-    if not config.getoption("nbval", False) or hasattr(config, "workerinput"):  # pytest-xdist's workers inherit the environment
+    nbval = config.getoption("nbval", False)
+    if not nbval and str(QUICK) not in os.environ.get("PYTHONPATH", "").split(os.pathsep):
+        os.environ["PYTHONPATH"] = os.pathsep.join(filter(None, [str(QUICK), os.environ.get("PYTHONPATH")]))
+    if not nbval or hasattr(config, "workerinput"):  # pytest-xdist's workers inherit the environment
         return
     from trackhelpers.suite.kernel import strict_kernels
 
