@@ -1,4 +1,4 @@
-"""Settings of every test run. Under ``--nbval``: strict kernels, longest notebooks first, those without data skipped, ledgers compared."""
+"""Settings of every test run. With ``-n``: a file a worker, the longest first. Under ``--nbval``: strict kernels, longest notebooks first, those without data skipped, ledgers compared."""
 
 import contextlib
 import os
@@ -18,11 +18,40 @@ settings.load_profile("patient")
 
 os.environ.setdefault("MPLBACKEND", "Agg")  # the notebooks' kernels have their own setting
 
+# Files of tests by their processor time, the longest first: with two workers both then finish at about the same time.
+LONGEST = (
+    "ensemble/test_monte_carlo.py",
+    "suite/test_suite_book.py",
+    "suite/test_suite_run.py",
+    "suite/test_suite_nbval.py",
+    "fused/test_fused.py",
+    "benchmarks/test_benchmarks.py",
+    "ensemble/test_missing_measurements.py",
+    "ensemble/test_adaptive_and_switching.py",
+    "play/test_play.py",
+    "ensemble/test_ensemble.py",
+    "contract/test_contract.py",
+    "suite/test_suite_order.py",
+    "suite/test_suite_student.py",
+    "ledger/test_ledger_tampering.py",
+    "suite/test_suite_records.py",
+    "notebooks/test_committed.py",
+    "whole/test_whole.py",
+)
+
+# What stands before other packages in the processes that the unit tests start: see there.
+QUICK = Path(__file__).parent / "tests" / "quick"
+
 
 def pytest_configure(config):
     if not WRITABLE:
         config.addinivalue_line("filterwarnings", "ignore::pytest.PytestCacheWarning")
-    if not config.getoption("nbval", False) or hasattr(config, "workerinput"):  # pytest-xdist's workers inherit the environment
+    if config.getoption("dist", "no") == "load":  # what -n chooses by itself; a file's fixtures are then made once
+        config.option.dist, config.option.loadscopereorder = "loadfile", False
+    nbval = config.getoption("nbval", False)
+    if not nbval and str(QUICK) not in os.environ.get("PYTHONPATH", "").split(os.pathsep):
+        os.environ["PYTHONPATH"] = os.pathsep.join(filter(None, [str(QUICK), os.environ.get("PYTHONPATH")]))
+    if not nbval or hasattr(config, "workerinput"):  # pytest-xdist's workers inherit the environment
         return
     from trackhelpers.suite.kernel import strict_kernels
 
@@ -35,6 +64,8 @@ def pytest_configure(config):
 
 def pytest_collection_modifyitems(config, items):
     if not config.getoption("nbval", False):
+        place = {config.rootpath / "tests" / name: i for i, name in enumerate(LONGEST)}
+        items.sort(key=lambda item: place.get(item.path, len(place)))
         return
     from trackhelpers.suite import longest_first, missing_data
 

@@ -1,5 +1,7 @@
 """When has a target begun to manoeuvre? The statistics on which switching filters decide, for one target or for runs on the last axis."""
 
+from functools import lru_cache
+
 import numpy as np
 from scipy import stats
 from scipy.optimize import brentq
@@ -34,7 +36,12 @@ def fading_limit(dim, window, probability):
     probability : float
         Of staying below the limit.
     """
-    dim, window, tail = check_window(dim, "dim"), check_window(window), 1 - check_probability(probability, "probability")
+    return _fading_limit(check_window(dim, "dim"), check_window(window), check_probability(probability, "probability"))
+
+
+@lru_cache
+def _fading_limit(dim, window, probability):
+    tail = 1 - probability
     if window == 1:
         return float(stats.chi2.ppf(probability, dim))
     alpha = 1 - 1 / window

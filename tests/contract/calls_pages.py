@@ -1,6 +1,7 @@
 """Valid calls of data, tables, figures and the ledger."""
 
 from datetime import date
+from functools import cache
 
 import numpy as np
 import pandas as pd
@@ -21,7 +22,9 @@ EQUATION = questions.Question("p/n", "id", "equation", "(1)", "a", "equation", d
 ANY = {"free": True, "gaps": True}
 
 
+@cache
 def axes():
+    """Made once, for it takes its time; a refused call draws nothing."""
     return Figure().add_subplot()
 
 

@@ -34,7 +34,7 @@ CONTENDERS = [
 @pytest.mark.parametrize("contender", CONTENDERS, ids=[f"{i}-{each.name}" for i, each in enumerate(CONTENDERS)])
 def test_an_ensemble_is_the_filter_of_its_name_in_every_run(contender):
     L, found = getattr(contender, "to_estimate", None), contender.followed(X0, Z)
-    for r in range(M):
+    for r in (0, M - 1):
         kf, xs, Ps = contender.single(X0[:, r]), [], []
         for z in Z[:, :, r].T:
             kf.predict()

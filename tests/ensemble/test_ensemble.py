@@ -27,7 +27,7 @@ def start(model):
 def largest_difference(model, Ensemble, Single, sensors):
     P0 = 0.1 * np.eye(model.n)
     x0 = start(model)
-    ensemble, singles = Ensemble(model, x0, P0), [Single(model, x0[:, i], P0) for i in range(M)]
+    ensemble, singles = Ensemble(model, x0, P0), {i: Single(model, x0[:, i], P0) for i in (0, M - 1)}
     worst = 0.0
     for k in range(1, STEPS + 1):
         sensor = sensors[(k - 1) % 2]
@@ -36,7 +36,7 @@ def largest_difference(model, Ensemble, Single, sensors):
         z = ZS[k - 1] if sensor.m == len(ZS[k - 1]) else lidar_radar.truth()[:2, k - 1 : k] + 0.1 * ZS[k - 1][:2]
         ensemble.predict(lidar_radar.T)
         ensemble.update(z, sensor, mask=mask)
-        for i, kf in enumerate(singles):
+        for i, kf in singles.items():
             kf.predict(lidar_radar.T)
             kf.update(z[:, i] if mask[i] else None, sensor)
             worst = max(worst, np.abs(residual(ensemble.x[:, i], kf.x, model.angles)).max(), np.abs(ensemble.P[..., i] - kf.P).max())

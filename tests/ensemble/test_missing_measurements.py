@@ -43,25 +43,38 @@ def scenario(seed):
     )
 
 
-def assert_same_runs(ens, singles, mask):
+OWN = ("mu", "u", "changes", "fading", "manoeuvring", "statistic")  # of some filters
+
+
+def told(filters, axis):
+    """What the single filters, or an ensemble, say after a step: name -> array, runs last."""
+    names = ["estimate", "estimate_P", *(name for name in OWN if hasattr(filters[0], name))]
+    return {name: np.stack([getattr(kf, name) for kf in filters], axis=axis).astype(float) for name in names}
+
+
+def assert_same_runs(ours, theirs):
+    """Lists over the steps of what `told` says of the ensemble and of the filters."""
+    for name, (rtol, atol) in {"estimate": (1e-10, 1e-7), "estimate_P": (1e-8, 1e-7), **dict.fromkeys(OWN, (1e-7, 1e-7))}.items():
+        if name in theirs[0]:
+            pair = [np.stack([step[name] for step in steps]) for steps in (ours, theirs)]
+            np.testing.assert_allclose(pair[0], pair[1].reshape(pair[0].shape), rtol=rtol, atol=atol, err_msg=name)
+
+
+def innovations(singles):
+    """y (2, M) and S (2, 2, M) of filters of one target, NaN where a filter has missed its scan."""
+    y, S = np.full((2, M), np.nan), np.full((2, 2, M), np.nan)
     for r, kf in enumerate(singles):
-        np.testing.assert_allclose(ens.estimate[:, r], kf.estimate, rtol=1e-10, atol=1e-7)
-        np.testing.assert_allclose(ens.estimate_P[..., r], kf.estimate_P, rtol=1e-8, atol=1e-7)
-        for name in ("mu", "u", "changes", "fading", "manoeuvring", "statistic"):
-            if hasattr(kf, name):
-                np.testing.assert_allclose(getattr(ens, name)[..., r], getattr(kf, name), rtol=1e-7, atol=1e-7)
-        if mask[r]:
-            np.testing.assert_allclose(ens.y[:, r], kf.y, rtol=1e-9, atol=1e-7)
-            np.testing.assert_allclose(ens.S[..., r], kf.S, rtol=1e-8, atol=1e-7)
-        else:
-            assert kf.y.size == 0 and np.all(np.isnan(ens.y[:, r])) and np.all(np.isnan(ens.S[..., r]))
+        if kf.y.size:
+            y[:, r], S[..., r] = kf.y, kf.S
+    return y, S
 
 
 @pytest.mark.parametrize("noise", ["always the same", "one a call", "one a run and call"])
 @pytest.mark.parametrize("contender", CONTENDERS, ids=IDS)
 def test_each_run_is_the_single_filter_that_is_fed_with_None(contender, noise):
     x0, zs, masks, Rs = scenario(7)
-    ens, singles, modes = contender.ensemble(x0), [contender.single(x0[:, r]) for r in range(M)], []
+    ens, singles = contender.ensemble(x0), [contender.single(x0[:, r]) for r in range(M)]
+    ours, theirs, seen, expected = [], [], [], []
     for k, (z, mask) in enumerate(zip(zs, masks, strict=True)):
         ens.predict()
         whole = {"always the same": None, "one a call": Rs[k, ..., 0], "one a run and call": Rs[k]}[noise]
@@ -71,10 +84,18 @@ def test_each_run_is_the_single_filter_that_is_fed_with_None(contender, noise):
             own = whole[..., r] if noise == "one a run and call" else whole
             kf.predict()
             kf.update(z[:, r] if mask[r] else None, R=own)
-        assert_same_runs(ens, singles, mask)
-        modes.append(getattr(ens, "manoeuvring", np.zeros(M)))
-    switches = np.abs(np.diff(np.array(modes, dtype=int), axis=0)).sum(axis=0)
-    assert np.all(switches[1:] > 1) or not hasattr(ens, "manoeuvring")  # something did happen
+        ours.append(told([ens], 0))
+        theirs.append(told(singles, -1))
+        if mask.any():
+            seen.append((ens.y, ens.S))
+            expected.append(innovations(singles))
+        assert [kf.y.size > 0 for kf in singles] == mask.tolist()
+    assert_same_runs(ours, theirs)
+    for a, b, rtol in zip(*(map(np.array, zip(*pairs, strict=True)) for pairs in (seen, expected)), (1e-9, 1e-8), strict=True):
+        np.testing.assert_allclose(a, b, rtol=rtol, atol=1e-7)  # NaN equals NaN
+    if hasattr(ens, "manoeuvring"):
+        switches = np.abs(np.diff([step["manoeuvring"][0] for step in ours], axis=0)).sum(axis=0)
+        assert np.all(switches[1:] > 1)  # something did happen
     assert np.max(getattr(ens, "changes", 2)) > 1
 
 

@@ -67,7 +67,7 @@ def test_many_steps_are_a_sum_over_time(M):
 @pytest.mark.parametrize(
     "how", ["import sys; sys.modules['llvmlite'] = sys.modules['numba'] = None", "import os; os.environ['TRACKHELPERS_COMPILED'] = '0'"]
 )
-def test_without_the_compiler_all_goes_by_numpy(how):
+def test_without_the_compiler_all_goes_by_numpy(how, capsys):
     script = f"""
 {how}
 import numpy as np
@@ -83,5 +83,5 @@ print(repr(float(history.nees.sum() + history.x.sum() + ens.K.sum())))
 """
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True)
     assert done.stderr == ""
-    ours = subprocess.run([sys.executable, "-c", script.replace(how, "").replace("assert", "#")], capture_output=True, text=True)
-    assert float(done.stdout) == pytest.approx(float(ours.stdout), rel=1e-11)
+    exec(script.replace(how, "").replace("assert", "#"), {})
+    assert float(done.stdout) == pytest.approx(float(capsys.readouterr().out), rel=1e-11)

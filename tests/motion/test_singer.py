@@ -23,7 +23,8 @@ def exact_noise(sigma, tau, dt):
         def entry(i, j):
             return float(2 * a * sigma**2 * mpmath.quad(lambda t: r(t)[i] * r(t)[j], mpmath.linspace(0, dt, 9)))
 
-        return np.array([[entry(i, j) for j in range(3)] for i in range(3)])
+        lower = np.array([[entry(i, j) if j <= i else 0.0 for j in range(3)] for i in range(3)])
+        return lower + np.tril(lower, -1).T
 
 
 @pytest.mark.parametrize(("tau", "dt"), [(20, 1), (20, 0.01), (1e6, 0.5), (0.5, 1), (0.01, 1), (3, 100)])

@@ -1,6 +1,7 @@
 """What is committed holds together: ledgers bear their verdicts out, notebooks have their form, README, marks and pages of rows are in step."""
 
 import re
+from functools import cache
 
 import nbformat
 import pytest
@@ -13,7 +14,9 @@ PAGES = notebooks()
 CHAPTERS = [path for path in PAGES if path.name != FIRST_PAGE]
 
 
-QUESTIONS = read_questions()
+@cache
+def questions_asked():
+    return read_questions()
 
 
 def name(path):
@@ -31,11 +34,13 @@ def rows_of(ledger, paper):
 
 def test_what_is_stored_holds_together(ledger):
     assert in_step.faults() == [], "run python -m trackhelpers.suite readme"
-    assert set(ledger.notebook) <= set(QUESTIONS)
+    assert set(ledger.notebook) <= set(questions_asked())
 
 
 def test_an_id_is_asked_once_in_a_paper():
-    asked = [(name.split("/")[0], id) for name, questions in QUESTIONS.items() for id, each in questions.items() if not each.withdrawn]
+    asked = [
+        (name.split("/")[0], id) for name, questions in questions_asked().items() for id, each in questions.items() if not each.withdrawn
+    ]
     assert not {pair for pair in asked if asked.count(pair) > 1}
 
 
@@ -117,7 +122,7 @@ def test_start_page_links_to_every_chapter():
 
 def test_readme_is_in_step_with_the_ledger(ledger):
     text = (ROOT / "README.md").read_text(encoding="utf-8")
-    assert readme.in_step(text, ledger, QUESTIONS) == text, "run python -m trackhelpers.suite readme"
+    assert readme.in_step(text, ledger, questions_asked()) == text, "run python -m trackhelpers.suite readme"
 
 
 def test_readme_shows_the_figure_that_the_notebook_stores():

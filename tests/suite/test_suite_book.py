@@ -16,17 +16,45 @@ fig, ax = plt.subplots()
 plots.show(fig, "1-1", "The *error* of $x$ in the [first run](#run), `x < 1`.")"""
 
 
-def test_pages_of_a_book_load_nothing_from_outside(store, tmp_path):
-    start = store("00_start_here.ipynb", title="The map: [first](1_thesis/1_first.ipynb), $x^2$")
-    store("1_thesis/1_first.ipynb", "1 + 1", title="The first chapter")
-    store("2_more_of_it/1_second.ipynb", title="The second chapter")
-    index = book.pages(start.parent, tmp_path / "book", with_reference=True)
-    page = (index.parent / "00_start_here.html").read_text(encoding="utf-8").partition("<nav")[2]
-    assert book.outside_addresses(index.parent) == []
-    assert "00_start_here.html" in index.read_text(encoding="utf-8")
+@pytest.fixture(scope="module")
+def shown(store_in, tmp_path_factory):
+    """A notebook that shows a figure, after a run, and its bytes after another one."""
+    path = store_in(tmp_path_factory.mktemp("shown"), "1_thesis/1_first.ipynb", SHOW)
+    run([path], lambda p: p, folder=path.parents[1])
+    first = path.read_bytes()
+    run([path], lambda p: p, folder=path.parents[1])
+    return first, path.read_bytes()
+
+
+def linked(shown):
+    """The text of that notebook, whose caption leads to the first page."""
+    return shown[0].decode().replace("(#run)", "(../00_start_here.ipynb)")
+
+
+@pytest.fixture(scope="module")
+def library(store_in, shown, tmp_path_factory):
+    """Folders of the notebooks and the pages of a book that has one of each kind, and the reference."""
+    folder = tmp_path_factory.mktemp("library")
+    start = store_in(folder, "00_start_here.ipynb", title="The map: [first](1_thesis/1_first.ipynb), $x^2$")
+    store_in(folder, "1_thesis/1_first.ipynb", "1 + 1", title="The first chapter")
+    store_in(folder, "1_thesis/2_shown.ipynb").write_text(linked(shown), encoding="utf-8")
+    path = store_in(folder, "1_thesis/3_folded.ipynb", "1 + 1", "2 + 2")
+    notebook = nbformat.read(path, as_version=4)
+    for cell, tag in zip(notebook.cells[1:], ("hide-input", "hide-cell"), strict=True):
+        cell.metadata = nbformat.from_dict({"tags": [tag], "jupyter": {"source_hidden": True}})
+    nbformat.write(notebook, path)
+    store_in(folder, "2_more_of_it/1_second.ipynb", title="The second chapter")
+    return start.parent, book.pages(start.parent, folder / "book", with_reference=True).parent
+
+
+def test_pages_of_a_book_load_nothing_from_outside(library):
+    _, html = library
+    page = (html / "00_start_here.html").read_text(encoding="utf-8").partition("<nav")[2]
+    assert book.outside_addresses(html) == []
+    assert "00_start_here.html" in (html / "index.html").read_text(encoding="utf-8")
     assert page.index("1 · The thesis") < page.index("The first chapter") < page.index("2 · more of it") < page.index("The second chapter")
-    assert (index.parent / "_static/mathjax/tex-chtml.js").exists()
-    assert "class trackhelpers.motion" in re.sub("<[^>]*>", "", (index.parent / "api_models.html").read_text(encoding="utf-8"))
+    assert (html / "_static/mathjax/tex-chtml.js").exists()
+    assert "class trackhelpers.motion" in re.sub("<[^>]*>", "", (html / "api_models.html").read_text(encoding="utf-8"))
 
 
 @pytest.mark.parametrize(
@@ -60,35 +88,24 @@ def test_a_book_without_its_first_page_is_refused(store):
         book.build(store("1_thesis/1_first.ipynb").parents[1])
 
 
-def test_a_shown_figure_is_one_image_with_its_caption_below_and_as_alt_text(store, tmp_path):
-    start = store("00_start_here.ipynb", title="The map")
-    path = store("1_thesis/1_first.ipynb", SHOW)
-    run([path], lambda p: p, folder=start.parent)
-    first = path.read_bytes()
-    image, caption = nbformat.read(path, as_version=4).cells[1].outputs
+def test_a_shown_figure_is_one_image_with_its_caption_below_and_as_alt_text(shown, library):
+    first, second = shown
+    image, caption = nbformat.reads(first.decode(), as_version=4).cells[1].outputs
     assert set(image.data) == {"image/png", "text/plain"} and set(caption.data) == {"text/markdown", "text/plain"}
     assert form.with_palette(image.data["image/png"]) == image.data["image/png"]
-    run([path], lambda p: p, folder=start.parent)
-    assert path.read_bytes() == first
-    text = path.read_text(encoding="utf-8").replace("(#run)", "(00_start_here.ipynb)".replace("00", "../00"))
-    path.write_text(text, encoding="utf-8")
-    page = (book.pages(start.parent, tmp_path / "book").parent / "1_thesis/1_first.html").read_text(encoding="utf-8")
+    assert first == second
+    page = (library[1] / "1_thesis/2_shown.html").read_text(encoding="utf-8")
     ((alt, width),) = re.findall(r'<img alt="([^"]*)" src="[^"]*_images/[^"]*" style="width: (\d+)px;"', page)
     assert 640 <= int(width) <= 700  # of 7 inches
     assert alt == "Figure 1-1. The error of x in the first run, x &lt; 1."
     assert "<strong>Figure 1-1.</strong> The <em>error</em> of" in page
 
 
-def test_folded_bookkeeping_has_a_prompt_of_its_own(store, tmp_path):
-    start = store("00_start_here.ipynb", title="The map")
-    path = store("1_thesis/1_first.ipynb", "1 + 1", "2 + 2")
-    notebook = nbformat.read(path, as_version=4)
-    for cell, tag in zip(notebook.cells[1:], ("hide-input", "hide-cell"), strict=True):
-        cell.metadata = nbformat.from_dict({"tags": [tag], "jupyter": {"source_hidden": True}})
-    nbformat.write(notebook, path)
-    page = (book.pages(start.parent, tmp_path / "book").parent / "1_thesis/1_first.html").read_text(encoding="utf-8")
+def test_folded_bookkeeping_has_a_prompt_of_its_own(library):
+    notebooks, html = library
+    page = (html / "1_thesis/3_folded.html").read_text(encoding="utf-8")
     assert re.findall(r'<p class="collapsed[^>]*>(.*?)</p>', page) == ["Show the solution", "Bookkeeping"]
-    assert "mystnb" not in path.read_text(encoding="utf-8")
+    assert "mystnb" not in (notebooks / "1_thesis/3_folded.ipynb").read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize(
@@ -99,9 +116,9 @@ def test_alt_text_is_the_caption_without_its_markup(caption, read):
     assert plain(caption) == read
 
 
-def test_a_second_build_has_the_same_bytes(store, tmp_path):
+def test_a_second_build_has_the_same_bytes(store, shown, tmp_path):
     start = store("00_start_here.ipynb", title="The map")
-    run([store("1_thesis/1_first.ipynb", SHOW.replace("](#run)", "](../00_start_here.ipynb)"))], lambda p: p, folder=start.parent)
+    store("1_thesis/1_first.ipynb").write_text(linked(shown), encoding="utf-8")
     books = [book.pages(start.parent, tmp_path / name).parent for name in ("one", "two")]
     one, two = ({path.relative_to(html): path.read_bytes() for path in html.rglob("*") if path.is_file()} for html in books)
     assert [path for path in one | two if one.get(path) != two.get(path)] == []

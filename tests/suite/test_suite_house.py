@@ -2,6 +2,7 @@
 
 import ast
 import re
+from collections import Counter
 
 import nbformat
 import pytest
@@ -24,17 +25,19 @@ def test_scenarios_run_no_filter_fit_nothing_and_draw_nothing(path):
 
 def test_what_a_single_notebook_uses_stands_in_it():
     code = ["\n".join(cell.source for cell in nbformat.read(path, as_version=4).cells if cell.cell_type == "code") for path in notebooks()]
-    lonely = []
+    lonely, word, notebooks_of = [], re.compile(r"\w+"), Counter()
+    for text in code:
+        notebooks_of.update(set(word.findall(text)))
+    words = {path: Counter(word.findall(source)) for path, source in SOURCES.items()}
     for path, source in SOURCES.items():
         if OWN_ROOMS & set(path.relative_to(PACKAGE).parts):
             continue
         for node in ast.parse(source).body:
             if not isinstance(node, ast.FunctionDef | ast.ClassDef) or node.name.startswith("_") or node.name in OFFERED:
                 continue
-            word = re.compile(rf"\b{node.name}\b")
-            elsewhere = any(word.search(other) for at, other in SOURCES.items() if at != path and at.name != "__init__.py")
-            here = len(word.findall(source)) > 1 + source.count(f'"{node.name}"')
-            if not elsewhere and not here and sum(bool(word.search(text)) for text in code) < 2:
+            elsewhere = any(node.name in words[at] for at in SOURCES if at != path and at.name != "__init__.py")
+            here = words[path][node.name] > 1 + source.count(f'"{node.name}"')
+            if not elsewhere and not here and notebooks_of[node.name] < 2:
                 lonely.append(f"{path.relative_to(ROOT)}: {node.name}")
     assert not lonely
 

@@ -11,33 +11,41 @@ from trackhelpers.ledger.files import ANSWER_COLUMNS
 from trackhelpers.suite import LONGEST, NEEDS, ROOT
 from trackhelpers.suite.run import COLOUR, run
 
-SANITIZE = "sanitize.cfg"
+NOTEBOOK, SANITIZE = "1_thesis/1_first.ipynb", "sanitize.cfg"
 WRITE = """import os, pathlib
 row = {row!r}
 _ = pathlib.Path(os.environ["TRACKHELPERS_RESULTS"], "1_thesis__1_first.csv").write_text(row)"""
 
 
-@pytest.fixture
-def session(store, tmp_path):
-    """A project of one notebook, refreshed; returns its path and a function that runs the tests of its notebooks."""
-    row = ",".join(ANSWER_COLUMNS) + "\na,1,,,reproduced,\n"
-    path = store("1_thesis/1_first.ipynb", "1 + 1", "object()", WRITE.format(row=row))
-    (tmp_path / "notebooks/results").mkdir()
-    run([path], lambda p: p, folder=tmp_path / "notebooks", results=tmp_path / "notebooks/results")
+@pytest.fixture(scope="module")
+def refreshed(store_in, tmp_path_factory):
+    """A project of one notebook, refreshed; returns its folder."""
+    folder, row = tmp_path_factory.mktemp("project"), ",".join(ANSWER_COLUMNS) + "\na,1,,,reproduced,\n"
+    path = store_in(folder, NOTEBOOK, "1 + 1", "object()", WRITE.format(row=row))
+    (folder / "notebooks/results").mkdir()
+    run([path], lambda p: p, folder=folder / "notebooks", results=folder / "notebooks/results")
     for name in ("conftest.py", "pyproject.toml"):
-        shutil.copy(ROOT / name, tmp_path)
-    shutil.copy(ROOT / "tests/nbval_sanitize.cfg", tmp_path / SANITIZE)
+        shutil.copy(ROOT / name, folder)
+    shutil.copy(ROOT / "tests/nbval_sanitize.cfg", folder / SANITIZE)
+    (folder / "data").mkdir()
+    for name in NEEDS.values():  # a file with wrong bytes is as good as none, and is found without the network
+        (folder / "data" / name).touch()
+    return folder
+
+
+@pytest.fixture
+def session(refreshed, tmp_path):
+    """A copy of that project; returns the path of its notebook and a function that runs the tests of its notebooks."""
+    shutil.copytree(refreshed, tmp_path, dirs_exist_ok=True)
 
     def test(*options):
         environment = {name: value for name, value in os.environ.items() if not name.startswith(("PYTEST_", "TRACKHELPERS_"))}
-        (tmp_path / "data").mkdir()
-        for name in NEEDS.values():  # a file with wrong bytes is as good as none, and is found without the network
-            (tmp_path / "data" / name).touch()
-        environment |= {"TRACKHELPERS_DATA": str(tmp_path / "data"), "PYTHONPATH": str(ROOT)}
-        command = f"-m pytest --color=no --nbval --nbval-sanitize-with={SANITIZE} notebooks".split()
+        path = os.pathsep.join([str(ROOT / "tests" / "quick"), str(ROOT)])
+        environment |= {"TRACKHELPERS_DATA": str(tmp_path / "data"), "PYTHONPATH": path}
+        command = f"-m pytest --color=no --assert=plain --nbval --nbval-sanitize-with={SANITIZE} notebooks".split()
         return subprocess.run([sys.executable, *command, *options], cwd=tmp_path, env=environment, capture_output=True, text=True)
 
-    return path, test
+    return tmp_path / "notebooks" / NOTEBOOK, test
 
 
 def test_notebooks_that_repeat_pass_and_those_without_data_are_skipped_by_name(session, store):

@@ -9,8 +9,7 @@ from trackhelpers.suite import ROOT
 from trackhelpers.suite.readme import END, START, with_summary
 
 
-def test_the_summary_goes_between_the_marks_only_and_is_then_in_step():
-    ledger = read_ledger()
+def test_the_summary_goes_between_the_marks_only_and_is_then_in_step(ledger):
     old = f"before\n{START}\nold\n{END}\nafter\n"
     text = with_summary(old, ledger)
     assert text == f"before\n{START}\n\n{summary_markdown(ledger)}\n{END}\nafter\n"
@@ -18,10 +17,15 @@ def test_the_summary_goes_between_the_marks_only_and_is_then_in_step():
     assert with_summary(text.replace("| all notebooks |", "| some notebooks |"), ledger) == text
 
 
+@pytest.fixture(scope="module")
+def ledger():
+    return read_ledger()
+
+
 @pytest.mark.parametrize("text", ["no marks", START, f"{END} {START}", f"{START} {START} {END}", f"{START} {END} {END}"])
-def test_a_readme_without_its_marks_is_refused(text):
+def test_a_readme_without_its_marks_is_refused(text, ledger):
     with pytest.raises(ValueError, match="expected exactly one"):
-        with_summary(text, read_ledger())
+        with_summary(text, ledger)
 
 
 def test_the_example_in_the_readme_runs():

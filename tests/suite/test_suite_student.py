@@ -1,6 +1,7 @@
 """What is handed out holds every exercise and no solution."""
 
 import ast
+from functools import cache
 
 import nbformat
 import pytest
@@ -20,6 +21,7 @@ def handed_out(tmp_path_factory):
     return student.copy(out=tmp_path_factory.mktemp("build") / "student")
 
 
+@cache
 def read(path):
     return nbformat.read(path, as_version=4).cells
 

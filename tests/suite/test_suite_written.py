@@ -2,6 +2,7 @@
 
 import re
 import shutil
+from functools import cache
 
 import pytest
 
@@ -9,7 +10,12 @@ from trackhelpers.ledger import read_ledger, read_questions
 from trackhelpers.published import published
 from trackhelpers.suite import NOTEBOOKS, written
 
-QUESTIONS = read_questions()
+
+@cache
+def questions_asked():
+    return read_questions()
+
+
 TEXTS = written.texts()
 ROW = "[?](../results/2_track_fusion__9_last.md#{})"
 TOML = """
@@ -44,16 +50,16 @@ def questions(tmp_path):
 
 
 def test_no_page_links_to_a_row_that_is_not_asked():
-    assert written.dead(TEXTS, QUESTIONS) == [], "python -m trackhelpers.suite links lists them"
+    assert written.dead(TEXTS, questions_asked()) == [], "python -m trackhelpers.suite links lists them"
 
 
 def test_every_question_put_to_a_paper_is_reached_from_its_page():
-    missed = written.unreached(TEXTS, QUESTIONS)
+    missed = written.unreached(TEXTS, questions_asked())
     assert len(missed) == 0, f"{missed[:10]} …; python -m trackhelpers.suite links lists them"
 
 
 def test_pages_are_in_step_with_the_ledger():
-    assert written.filled(TEXTS, read_ledger(), QUESTIONS) == TEXTS, "run python -m trackhelpers.suite readme"
+    assert written.filled(TEXTS, read_ledger(), questions_asked()) == TEXTS, "run python -m trackhelpers.suite readme"
 
 
 @pytest.mark.parametrize("page", TEXTS)
@@ -71,7 +77,9 @@ def test_links_between_pages_and_notebooks_lead_somewhere(page):
 @pytest.mark.parametrize("table", [3, 5, 7, 8, 9])
 def test_the_cells_of_the_thesis_s_tables_stand_there_as_printed(table):
     """Each cell that links to a question of one printed cell shows this cell."""
-    printed = {(name, id): question.printed for name, asked in QUESTIONS.items() for id, question in asked.items() if question.source}
+    printed = {
+        (name, id): question.printed for name, asked in questions_asked().items() for id, question in asked.items() if question.source
+    }
     rows = [line for line in TEXTS["paper_1.md"].splitlines() if line.startswith("| ") and f"#t{table}-" in line]
     cells = [cell.split() for line in rows for cell in line.split(" | ") if "](" in cell]
     assert {words[0] for words in cells} <= set(published("thesis", table).to_numpy().ravel())

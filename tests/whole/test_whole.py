@@ -2,11 +2,13 @@
 
 import errno
 import os
+from functools import cache
 
 import nbformat
 import pytest
 
-from trackhelpers.suite import NOTEBOOKS, form, readme, records, written
+from trackhelpers.ledger import read_ledger, read_questions
+from trackhelpers.suite import form, readme, records, written
 from trackhelpers.whole import write_whole
 
 
@@ -55,15 +57,12 @@ def test_a_failed_write_leaves_the_old_file_and_nothing_beside_it(tmp_path, fail
     assert below(tmp_path) == {(tmp_path / "file").relative_to(tmp_path): b"old"}
 
 
+ledger, questions = cache(read_ledger), cache(read_questions)
 WRITERS = {
     "notebook": lambda folder: form.write(nbformat.v4.new_notebook(), folder / "a.ipynb"),
     "README and its figure": lambda folder: readme.write(),
     "written pages": lambda folder: written.write(folder),
-    "pages of rows": lambda folder: records.write_records(
-        folder,
-        records.read_ledger(NOTEBOOKS / "results", NOTEBOOKS / "questions"),
-        records.read_questions(NOTEBOOKS / "questions"),
-    ),
+    "pages of rows": lambda folder: records.write_records(folder, ledger(), questions()),
 }
 
 
@@ -72,6 +71,9 @@ def test_everybody_writes_whole_files(tmp_path, monkeypatch, failing, name):
     """Nothing is lost or left behind where the first write fails."""
     for file, text in (("README.md", readme.START + readme.END), ("a.ipynb", "old"), ("page.md", "old"), ("readme.png", "old")):
         (tmp_path / file).write_text(text)
+    for module in (readme, written):  # the stored ledger is the same for all
+        monkeypatch.setattr(module, "read_ledger", ledger)
+        monkeypatch.setattr(module, "read_questions", questions)
     monkeypatch.setattr(readme, "ROOT", tmp_path)
     monkeypatch.setattr(readme, "FIGURE", tmp_path / "readme.png")
     before = below(tmp_path)
