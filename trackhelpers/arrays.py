@@ -6,7 +6,7 @@ With the runs last each operation is a plain loop over a few components whose ev
 
 import numpy as np
 
-from trackhelpers import fused, matrix_steps
+from trackhelpers import fused
 from trackhelpers.checks import all_finite as all_finite
 from trackhelpers.checks import check_angles as check_angles
 from trackhelpers.checks import check_array as check_array
@@ -174,13 +174,3 @@ def mahalanobis(y, S):
             return np.einsum("j...,j...->...", whitened, whitened)
         A, D = eliminate(S, y[None])
         return np.einsum("j...,j...->...", A[-1] * D, A[-1])
-
-
-def log_density(y, S):
-    """−½ (yᵀS⁻¹y + log det S) for y (m, M) and S (m, m, M): the logarithm of N(y; 0, S) up to a constant; NaN where S is not positive definite."""
-    y, S = check_numbers(y, "y"), _square(S, "S")
-    _fit(y.ndim == 2 and y.shape == S.shape[1:], "y, S: expected shapes (m, M) and (m, m, M)", y, S, 1, 2)
-    if (found := matrix_steps.log_density(y, S)) is not None:
-        return found
-    A, D = eliminate(S, y[None])
-    return -0.5 * (np.einsum("jr,jr->r", A[-1] * D, A[-1]) + np.log(D).sum(axis=0))

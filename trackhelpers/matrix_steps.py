@@ -34,7 +34,7 @@ def mixture(weights, xs, Ps):
 
 
 def log_density(y, S):
-    """As `trackhelpers.arrays.log_density`, y (m, M) and S (m, m, M)."""
+    """As `trackhelpers.ensemble.covariance.log_density`, y (m, M) and S (m, m, M)."""
     m, runs = y.shape
     if fused.binding is None:
         return None

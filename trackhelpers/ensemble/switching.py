@@ -6,8 +6,9 @@ Each is the filter of the same name in `trackhelpers.filters` over M runs, with 
 import numpy as np
 from scipy import stats
 
-from trackhelpers.arrays import check_covariance, log_density
+from trackhelpers.arrays import check_covariance
 from trackhelpers.consistency import nis
+from trackhelpers.ensemble.covariance import log_density
 from trackhelpers.ensemble.many_matrix_filters import Matrices, MatrixEnsemble, check_runs, of_runs
 from trackhelpers.filters.imm import embedding, mixture, weighed
 from trackhelpers.manoeuvre import (
