@@ -1,14 +1,14 @@
-"""The loop that everybody writes: predict, take the sensor's measurement, correct, keep what it gave; and the smoother that goes back over it."""
+"""The loop that everybody writes: predict, take the sensor's measurement, correct, keep what it gave."""
 
 from inspect import signature
-from typing import NamedTuple
 
 import numpy as np
 from scipy.stats import chi2
 
-from trackhelpers import angles as _angles
-from trackhelpers.arrays import check_dt, divide
+from trackhelpers.arrays import check_dt
 from trackhelpers.checks import check_matrix, check_names, check_number, check_numbers, check_probability
+from trackhelpers.smoothing import Step
+from trackhelpers.smoothing import smooth as smooth
 
 
 class History:
@@ -37,23 +37,6 @@ class History:
     def __repr__(self):
         shapes = ", ".join(f"{name} {getattr(self, name).shape}" for name in self._kept)
         return f"History({type(self.filter).__name__}, {len(self.t)} steps: {shapes})"
-
-
-class Smoothed(NamedTuple):
-    """Estimates given all measurements: x (n, N) and P (n, n, N)."""
-
-    x: np.ndarray
-    P: np.ndarray
-
-
-class _Step(NamedTuple):
-    """What smoothing needs of a step: moments before and after the measurement, and the covariance of the state before the step with that after it."""
-
-    x_prior: np.ndarray
-    P_prior: np.ndarray
-    cross: np.ndarray
-    x: np.ndarray
-    P: np.ndarray
 
 
 def follow(kf, zs, sensors=None, dt=None, t0=0.0, Rs=None, masks=None, keep=None, gate=None, truth=None):
@@ -135,7 +118,7 @@ def follow(kf, zs, sensors=None, dt=None, t0=0.0, Rs=None, masks=None, keep=None
         except ValueError as error:
             raise ValueError(f"zs[{k}]: {_of_step(str(error), k)}") from error
         if smoothable:
-            passed.append(_Step(*prior, kf.x.copy(), kf.P.copy()))
+            passed.append(Step(*prior, kf.x.copy(), kf.P.copy()))
         for name in keep:
             kept[name].append(np.array(getattr(kf, {"x": "estimate", "P": "estimate_P"}.get(name, name)), dtype=float))
         if truth is not None:
@@ -157,46 +140,6 @@ def _at_once(kf, zs, sensors, steps, Rs, masks, keep, truth):
     if truth is None:
         return kf._run(zs, sensors, steps, None, keep)
     return kf._run(zs, sensors, steps, np.ascontiguousarray(truth if truth.ndim == 3 else truth[..., None]), (*keep, "nees"))
-
-
-def smooth(history):
-    """The Rauch–Tung–Striebel smoother over what `follow` kept: the estimate of each step given all measurements.
-
-    Going back, x̂ₖ|N = x̂ₖ + G (x̂ₖ₊₁|N − x̂ₖ₊₁|ₖ) and Pₖ|N = Pₖ + G (Pₖ₊₁|N − Pₖ₊₁|ₖ) Gᵀ with G = Cov(xₖ, xₖ₊₁) Pₖ₊₁|ₖ⁻¹, where the covariance is P Fᵀ for the Kalman filter and
-    the extended one, and that of the sigma points for the unscented one. Steps of any length, missed scans, and several sensors at one instant are all right.
-
-    Parameters
-    ----------
-    history : History
-        Of one target.
-
-    Returns
-    -------
-    Smoothed
-        Of the filter's state, (n, N) and (n, n, N).
-
-    Raises
-    ------
-    ValueError
-        The history of an ensemble, or of a filter whose covariance is not that of a model (adaptive and switching ones).
-
-    References
-    ----------
-    H. E. Rauch, F. Tung, C. T. Striebel, AIAA Journal 3 (1965) 1445–1450; S. Särkkä, IEEE Transactions on Automatic Control 53 (2008) 845–849, for the unscented one.
-    """
-    if getattr(history, "_steps", None) is None:
-        kind = type(getattr(history, "filter", history)).__name__
-        raise ValueError(
-            f"history: expected that of one target's MotionKF, MotionEKF, MotionUKF or filter on constant matrices, got {kind}"
-        )
-    steps, wrap = history._steps, history.filter._angles
-    xs, Ps = [steps[-1].x], [steps[-1].P]
-    for now, ahead in zip(reversed(steps[:-1]), reversed(steps[1:]), strict=True):
-        G = divide(ahead.cross, ahead.P_prior)
-        xs.append(_angles.wrap_components(now.x + G @ _angles.residual(xs[-1], ahead.x_prior, wrap), wrap))
-        P = now.P + G @ (Ps[-1] - ahead.P_prior) @ G.T
-        Ps.append((P + P.T) / 2)
-    return Smoothed(np.stack(xs[::-1], axis=-1), np.stack(Ps[::-1], axis=-1))
 
 
 def _update_within(kf, z, gate, arguments):

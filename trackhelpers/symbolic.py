@@ -28,9 +28,18 @@ def corrected(P, H, R):
         for b in range(a + 1):
             S[a][b] = S[a][b] + value * PHt[j][b]
     S = mirrored(S)
+    K = gain(PHt, S)
+    B = [[P[i][j] - dot(K[i], PHt[j]) for j in range(n)] for i in range(n)]
+    slack = _times_transposed(B, H, m)
+    slack = [[slack[i][a] - dot(K[i], [row[a] for row in R]) for a in range(m)] for i in range(n)]
+    return K, S, mirrored([[B[i][j] - dot(slack[i], K[j]) for j in range(i + 1)] for i in range(n)])
+
+
+def gain(PHt, S):
+    """K = P Hᵀ S⁻¹, a row at a time."""
     L, inverse = _factors(S)
-    K = [list(row) for row in PHt]
-    for k in K:  # K = P Hᵀ S⁻¹, a row at a time
+    m, K = len(S), [list(row) for row in PHt]
+    for k in K:
         for a in range(m):
             for b in range(a):
                 k[a] = k[a] - L[a][b] * k[b]
@@ -38,10 +47,7 @@ def corrected(P, H, R):
         for a in reversed(range(m)):
             for b in range(a + 1, m):
                 k[a] = k[a] - L[b][a] * k[b]
-    B = [[P[i][j] - dot(K[i], PHt[j]) for j in range(n)] for i in range(n)]
-    slack = _times_transposed(B, H, m)
-    slack = [[slack[i][a] - dot(K[i], [row[a] for row in R]) for a in range(m)] for i in range(n)]
-    return K, S, mirrored([[B[i][j] - dot(slack[i], K[j]) for j in range(i + 1)] for i in range(n)])
+    return K
 
 
 def mahalanobis(y, S):
@@ -78,10 +84,14 @@ def _times_transposed(A, H, m):
 
 
 def dot(a, b):
-    total = number(0.0)
-    for x, y in zip(a, b, strict=True):
-        total = total + x * y
-    return total
+    return total([x * y for x, y in zip(a, b, strict=True)])
+
+
+def total(values):
+    found = number(0.0)
+    for value in values:
+        found = found + value
+    return found
 
 
 def mirrored(lower):

@@ -161,7 +161,7 @@ def test_numbers_at_the_edge_of_what_is_allowed():
     assert checks.check_number(-0.5, "a") == -0.5 and refused(checks.check_number, np.inf, -np.inf, np.nan, [1.0])
     assert checks.check_number(2, "a", low=2) == checks.check_number(2, "a", high=2) == 2
     assert checks.check_count(1, "a") == 1 and checks.check_count(0, "a", 0) == 0
-    assert refused(checks.check_count, 0, -1, True, 1.0, 2**63, np.timedelta64(3))
+    assert refused(checks.check_count, 0, -1, True, 1.0, 2**63, np.timedelta64(3, "s"))
     assert type(checks.check_count(np.int8(3), "a")) is int
 
 

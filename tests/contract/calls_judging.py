@@ -192,5 +192,5 @@ CALLS = {
             truth=Numbers(np.ones((5, 2, 2)), optional=True),
         ),
     ],
-    "follow.smooth": [Call(smooth, history=Thing(HISTORY))],
+    "smoothing.smooth": [Call(smooth, history=Thing(HISTORY))],
 }

@@ -69,7 +69,7 @@ LINK = "[✓ reproduced](../results/1_thesis__2_kalman_filter.md#{})"
 def test_every_row_gets_a_place_where_it_is_said_else_where_it_is_answered():
     cells = [
         v4.new_markdown_cell(
-            f"The gain {LINK.format('gain')}, again {LINK.format('gain')}; other {LINK.format('row').replace('1_thesis', '2_other')}."
+            f"## Gains\n\nThe gain {LINK.format('gain')}, again {LINK.format('gain')}; other {LINK.format('row').replace('1_thesis', '2_other')}."
         ),
         v4.new_code_cell('ledger.answer({"t9-max": 1.0} | {f"t9-{name}": 2.0 for name in "ab"})', id="cells"),
         v4.new_code_cell('ledger.answer({"spread": 1.0})', id="spread"),
@@ -91,6 +91,21 @@ def test_equation_numbers_lead_to_their_row_but_not_in_formulas_code_or_headings
     assert here == text.replace("By (2.9)", 'By <a href="#row-eq-2-9">(2.9)</a>')
     assert '<a href="../1_thesis/2_kalman_filter.html#row-eq-2-9">(2.9)</a>' in elsewhere
     assert for_the_book(v4.new_notebook(cells=[v4.new_markdown_cell(text)]), "4_space_tdoa/1_fixes", places).cells[0].source == text
+
+
+def test_equation_numbers_lead_to_the_equation_that_the_notebook_shows():
+    places = {("1_thesis", "Equation", "2.9"): ("1_thesis/2_kalman_filter", "eq-2-9")}
+    texts = [
+        "The gain is\n\n$$K = P \\tag{2.9}$$\n\nand by (2.9), unlike (a),\n\n$$S = R \\tag{2.9'}$$",
+        "It is $$v = 0 \\tag{a}$$ by (2.9) and (2.9'), not by `(a)` or (b).",
+    ]
+    made = for_the_book(v4.new_notebook(cells=[v4.new_markdown_cell(text) for text in texts]), "1_thesis/2_kalman_filter", places)
+    first, second = (cell.source for cell in made.cells)
+    assert first == (
+        'The gain is\n\n<a id="eq-2-9"></a>\n\n$$K = P \\tag{2.9}$$\n\nand by <a href="#row-eq-2-9">(2.9)</a>, unlike <a href="#eq-a">(a)</a>,\n\n'
+        '<a id="eq-2-9-prime"></a>\n\n$$S = R \\tag{2.9\'}$$'
+    )
+    assert '<a href="#eq-2-9">(2.9)</a> and <a href="#eq-2-9-prime">(2.9\')</a>, not by `(a)` or (b).' in second
 
 
 def test_chinese_words_say_their_language():
@@ -136,7 +151,9 @@ def test_places_name_rows_of_the_ledger(kind):
 
 
 def test_what_draws_the_opening_picture_is_folded_and_what_follows_is_not():
-    cells = [v4.new_markdown_cell("# One"), v4.new_code_cell("import numpy"), v4.new_markdown_cell("## First"), v4.new_code_cell("1 + 1")]
-    made = for_the_book(v4.new_notebook(cells=cells))
-    assert [cell.metadata.get("tags") for cell in made.cells] == [None, ["hide-input", "imports"], None, None]
+    codes = ["import numpy", "import pandas as pd", "x = 1", "y = 2"]
+    rest = [v4.new_markdown_cell("## First"), v4.new_code_cell("1 + 1"), v4.new_code_cell("2 + 2")]
+    made = for_the_book(v4.new_notebook(cells=[v4.new_markdown_cell("# One"), *map(v4.new_code_cell, codes), *rest]))
+    assert [cell.metadata.get("tags") for cell in made.cells] == [None, ["hide-input", "imports"], ["hide-input", "cast"], None, None, None]
+    assert [cell.source for cell in made.cells[1:3]] == ["import numpy\n\n\nimport pandas as pd", "x = 1\n\n\ny = 2"]
     assert made.cells[1].metadata["mystnb"]["code_prompt_show"] == "Imports"

@@ -13,7 +13,7 @@ __all__ = ["GROUPS", "api_pages", "homes", "users"]
 GROUPS = {  # page -> title, modules and packages
     "api_models": ("Models of motion", ("model", "motion", "charts", "angles")),
     "api_sensors": ("Sensors and fixes", ("sensors", "fixes", "batch")),
-    "api_filters": ("Filters of one target", ("filters", "follow", "manoeuvre")),
+    "api_filters": ("Filters of one target", ("filters", "follow", "smoothing", "manoeuvre")),
     "api_ensemble": ("Ensembles", ("ensemble",)),
     "api_judging": ("Judging and fusing", ("consistency", "exact", "fusion", "intervals")),
     "api_suite": (

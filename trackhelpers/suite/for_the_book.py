@@ -16,6 +16,8 @@ STORED_DPI = 150  # of `plots.show`
 PROMPTS = {"hide-cell": "Bookkeeping", "imports": "Imports", "picture": "How the picture is drawn", "cast": "The cast"}
 _OWN_ROW = re.compile(r"\[[^\]\[]*\]\(\.\./results/([a-z0-9_]+?__[a-z0-9_]+)\.md#([a-z0-9-]+)")
 _CHINESE = re.compile(r"[\u3400-\u9fff\uff00-\uffef\u3000-\u303f]+")
+_NUMBERED = re.compile(r"(\$\$(?:(?!\$\$).)*?\\tag\{([^}]*)\}.*?\$\$)", re.DOTALL)
+_TAG = re.compile(r"\\tag\{([^}]*)\}")
 # Pieces of Markdown in which nothing is to be replaced: code, formulas, links, HTML, headings.
 _UNTOUCHED = re.compile(r"(```.*?```|`[^`]*`|\$\$.*?\$\$|\$[^$\n]+\$|!?\[[^\]]*\]\([^)]*\)|<[^>]+>|^#+ .*?$)", re.DOTALL | re.MULTILINE)
 
@@ -37,12 +39,13 @@ def for_the_book(notebook, name="", places=None, rows=(), homes=None):
         Name of a class or function -> (page, full name) in the API reference, as `trackhelpers.suite.api_page.homes` gives it.
     """
     pointed, named = set(), set()
+    shown = {tag for cell in notebook.cells if cell.cell_type == "markdown" for tag in _TAG.findall(cell.source)}
     _fold_the_opening(notebook)
     for cell in notebook.cells:
         if cell.cell_type == "markdown":
             for here, there in MOVED.items():
                 cell.source = cell.source.replace(f"]({here}", f"]({there}")
-            cell.source = with_chinese(with_equations(with_places(cell.source, name, pointed), name, places or {}))
+            cell.source = with_chinese(with_equations(with_places(cell.source, name, pointed), name, places or {}, shown))
             cell.source = with_reference(cell.source, name, homes or {}, named)
         options = {}
         for tag, prompt in PROMPTS.items():
@@ -69,14 +72,22 @@ def _width(cell):
 
 
 def _fold_the_opening(notebook):
-    """Before the first section the reader meets the situation and its picture; what draws it is folded."""
-    for cell in notebook.cells:
-        if cell.cell_type == "markdown" and re.search(r"^## ", cell.source, flags=re.MULTILINE):
-            return
+    """Before the first section the reader meets the situation and its picture; what draws it is folded, cells of a kind in a row in one fold."""
+    sections = [
+        i for i, cell in enumerate(notebook.cells) if cell.cell_type == "markdown" and re.search(r"^## ", cell.source, flags=re.MULTILINE)
+    ]
+    opening, cells, last = notebook.cells[: next(iter(sections), None)], [], None
+    for cell in opening:
+        kind = None
         if cell.cell_type == "code" and not {"hide-cell", "hide-input"} & set(cell.metadata.get("tags", [])):
             only_imports = all(re.match(r"from |import |[ )]|plots\.use_style|ledger = |$", line) for line in cell.source.splitlines())
             kind = "imports" if only_imports else "picture" if "plots.show(" in cell.source else "cast"
             cell.metadata["tags"] = [*cell.metadata.get("tags", []), "hide-input", kind]
+        if kind and kind == last and not cells[-1].outputs:
+            cell.source = f"{cells.pop().source}\n\n\n{cell.source}"
+        cells.append(cell)
+        last = kind
+    notebook.cells[: len(opening)] = cells
 
 
 def with_places(text, name, pointed):
@@ -111,22 +122,29 @@ def _point_at_answers(notebook, ids):
     notebook.cells = cells
 
 
-def with_equations(text, name, places):
-    """Markdown in which a paper's equation number, (2.13), links to where the equation is settled."""
+def with_equations(text, name, places, shown=()):
+    """Markdown with an anchor ``eq-<number>`` before each numbered equation, and links from where the text says a number.
+
+    A number or letter in `shown`, those of the notebook's equations, leads to the equation; another number of the paper, (2.13), to where
+    `places` says that it is settled. What the piece of text itself shows is in sight.
+    """
     paper = name.split("/")[0]
-    known = {number: place for (of, kind, number), place in places.items() if of == paper and kind == "Equation"}
-    if not known:
-        return text
-    alternatives = "|".join(re.escape(each) for each in sorted(known, key=len, reverse=True))
-    number = re.compile(rf"\(({alternatives})\)")
+    known = {}
+    for (of, kind, number), (notebook, id) in places.items():
+        if of == paper and kind == "Equation":
+            known[number] = f"{'' if notebook == name else f'../{notebook}.html'}#row-{id}"
+    known |= {number: f"#{_anchor(number)}" for number in shown if number not in _TAG.findall(text)}
+    if known:
+        alternatives = "|".join(re.escape(each) for each in sorted(known, key=len, reverse=True))
+        pieces = _UNTOUCHED.split(text)
+        for i in range(0, len(pieces), 2):
+            pieces[i] = re.sub(rf"\(({alternatives})\)", lambda match: f'<a href="{known[match[1]]}">{match[0]}</a>', pieces[i])
+        text = "".join(pieces)
+    return _NUMBERED.sub(lambda match: f'<a id="{_anchor(match[2])}"></a>\n\n{match[1]}', text)
 
-    def link(match):
-        notebook, id = known[match[1]]
-        page = "" if notebook == name else f"../{notebook}.html"
-        return f'<a href="{page}#row-{id}">{match[0]}</a>'
 
-    pieces = _UNTOUCHED.split(text)
-    return "".join(piece if i % 2 else re.sub(number, link, piece) for i, piece in enumerate(pieces))
+def _anchor(number):
+    return "eq-" + re.sub(r"[^A-Za-z0-9]+", "-", number.replace("'", "-prime")).strip("-")
 
 
 def with_reference(text, name, homes, named):
