@@ -164,8 +164,10 @@ def mahalanobis(y, S):
     """yᵀS⁻¹y for y (m, ...) and S (m, m, ...); NaN where S is not positive definite."""
     y, S = check_numbers(y, "y"), _square(S, "S")
     _fit(y.ndim > 0 and len(y) == len(S), "y, S: expected shapes (m, ...) and (m, m, ...)", y, S, 1, 2)
-    if y.ndim == 2 and y.shape == S.shape[1:] and (total := fused.mahalanobis(y, S)) is not None:
-        return total
+    if y.ndim > 1 and y.size and y.shape == S.shape[1:]:
+        total = fused.mahalanobis(y.reshape(len(y), -1), S.reshape(len(y), len(y), -1))
+        if total is not None:
+            return total.reshape(y.shape[1:])
     with np.errstate(invalid="ignore", over="ignore"):
         if S.shape[2:] != y.shape[1:]:  # a common S: its root is found once
             whitened = matvec(solve_lower(cholesky(S), np.eye(len(S)).reshape(*S.shape[:2], *[1] * (S.ndim - 2))), y)

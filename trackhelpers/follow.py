@@ -192,6 +192,8 @@ def _each(value, name, zs):
 def _stacked(values, many):
     """One array with time behind the components, (…, N) or (…, N, M), shorter values padded with NaN."""
     axes = values[0].ndim - (1 if many else 0) if values else 0
+    if len({value.shape for value in values}) == 1:
+        return np.stack(values, axis=axes)
     largest = [max((value.shape[i] for value in values), default=0) for i in range(axes)]
     padded = []
     for value in values:

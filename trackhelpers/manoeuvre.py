@@ -6,7 +6,7 @@ import numpy as np
 from scipy import stats
 from scipy.optimize import brentq
 
-from trackhelpers.arrays import check_array, congruence, inverse, matmul, matvec
+from trackhelpers.arrays import check_array, congruence, inverse, matvec
 from trackhelpers.checks import check_numbers, check_together
 from trackhelpers.checks import check_probability as check_probability
 from trackhelpers.manoeuvre_checks import check_forgetting as check_forgetting
@@ -129,18 +129,31 @@ def constant_input(y, S, K, steps, F, G, H):
         Sequences of different length, shapes that do not fit, what is no number.
     """
     y, S, K, steps, F, G, H = check_innovations(y, S, K, steps, F, G, H)
-    b = np.zeros((*G.shape, *S[0].shape[2:]))
-    ahead = with_runs(G, b)
-    information, weighted = 0.0, 0.0
+    sums = np.zeros((*G.shape, *S[0].shape[2:])), 0.0, 0.0
     for innovation, cov, gain, count in zip(y, S, K, steps, strict=True):
         for step in range(np.max(count)):
-            moved = matmul(F, b) + ahead
-            b = moved if step < np.min(count) else np.where(step < count, moved, b)
-        seen = matmul(H, b)
-        whitened = matmul(inverse(cov), seen)
-        information = information + np.einsum("ki...,kj...->ij...", seen, whitened)
-        weighted = weighted + np.einsum("ki...,k...->i...", whitened, innovation)
-        b = b - matmul(gain, seen)
+            moved = input_moves(sums[0], F, G)
+            sums = (moved if step < np.min(count) else np.where(step < count, moved, sums[0]), *sums[1:])
+        sums = input_seen(*sums, innovation, cov, gain, H)
+    return input_found(*sums)
+
+
+def input_moves(b, F, G):
+    """b (n, q, ...) of `constant_input` after a step: F b + G."""
+    return np.tensordot(F, b, 1) + with_runs(G, b)
+
+
+def input_seen(b, information, weighted, y, S, K, H):
+    """b (n, q, ...), the information (q, q, ...) on the input, and the innovations weighted by it (q, ...), after a measurement; as in `constant_input`."""
+    seen = np.tensordot(H, b, 1)
+    whitened = np.einsum("ij...,jq...->iq...", inverse(S), seen)
+    information = information + np.einsum("iq...,ip...->qp...", seen, whitened)
+    weighted = weighted + np.einsum("iq...,i...->q...", whitened, y)
+    return b - np.einsum("ni...,iq...->nq...", K, seen), information, weighted
+
+
+def input_found(b, information, weighted):
+    """What `constant_input` returns, from the sums at the window's end."""
     covariance = inverse(information)
     u = matvec(covariance, weighted)
     return u, covariance, b, np.einsum("i...,i...->...", u, weighted)

@@ -114,3 +114,8 @@ def loads(array, *shape):
 
 def flat(A):
     return [value for row in A for value in row]
+
+
+def inverse_pivots(S):
+    """The inverse of D in S = L D Lᵀ, whose product is 1/det S; NaN from where a pivot is not positive."""
+    return _factors(S)[1]

@@ -1,8 +1,12 @@
 """Each ensemble of a filter for manoeuvring targets is that filter, run by run, over the whole of Table 1."""
 
+from unittest.mock import patch
+
 import numpy as np
 import pytest
 
+from trackhelpers import fused
+from trackhelpers.consistency import nees
 from trackhelpers.ensemble import adaptive, switching
 from trackhelpers.ensemble.adaptive import EnsembleStrongTrackingKF
 from trackhelpers.ensemble.many_matrix_filters import EnsembleMatrixKF
@@ -29,9 +33,10 @@ CONTENDERS = [
     c.interacting(),
     c.interacting(c.CORRELATED, stay=(0.9, 0.95)),
 ]
+IDS = [f"{i}-{each.name}" for i, each in enumerate(CONTENDERS)]
 
 
-@pytest.mark.parametrize("contender", CONTENDERS, ids=[f"{i}-{each.name}" for i, each in enumerate(CONTENDERS)])
+@pytest.mark.parametrize("contender", CONTENDERS, ids=IDS)
 def test_an_ensemble_is_the_filter_of_its_name_in_every_run(contender):
     L, found = getattr(contender, "to_estimate", None), contender.followed(X0, Z)
     for r in (0, M - 1):
@@ -175,3 +180,25 @@ def test_interacting_models_agree_with_the_single_filter_after_a_jump():
         kf.update(z[:, 0])
         np.testing.assert_allclose(ens.mu[:, 0], kf.mu, atol=1e-9)
         np.testing.assert_allclose(ens.estimate[:, 0], kf.estimate, atol=1e-8)
+
+
+@pytest.mark.parametrize("contender", CONTENDERS, ids=IDS)
+def test_the_compiled_step_is_numpys(contender):
+    compiled = contender.followed(X0, Z)
+    with patch.object(fused, "binding", None):
+        plain = contender.followed(X0, Z)
+    for ours, theirs in zip(compiled, plain, strict=True):
+        np.testing.assert_allclose(ours, theirs, rtol=1e-6, atol=1e-7)
+
+
+@pytest.mark.parametrize("contender", CONTENDERS, ids=IDS)
+def test_what_is_judged_step_by_step_is_what_the_whole_history_says(contender):
+    truth = Z[:, :, 0].repeat(2, axis=0)
+    x, P, by_step = contender.followed(X0, Z)
+    judged = contender.judged(X0, Z, truth)
+    np.testing.assert_array_equal(judged.x, x)
+    np.testing.assert_allclose(judged.nis, by_step, rtol=1e-12)
+    if contender.honest:
+        np.testing.assert_allclose(judged.nees, nees(truth[..., None], x, P), rtol=1e-9)
+    else:
+        assert judged.nees is None

@@ -129,3 +129,14 @@ def test_scores_without_consistency_have_the_same_errors_and_no_nees():
     for name, each in quick.items():
         np.testing.assert_allclose(each.by_run, whole[name].by_run, rtol=1e-12)
         assert np.isnan(each.nees).all() and np.isnan(each.nis).all()
+
+
+def test_what_is_scored_up_to_a_sample_is_the_same_as_without_an_end():
+    pair = [c.plain(), c.strong_tracking(4.0)]
+    whole, short = runs.score(pair, 8, 3), runs.score(pair, 8, 3, last=target.SEGMENTS[4].last)
+    for name in whole:
+        for ours, theirs in zip(whole[name][:2], short[name][:2], strict=True):
+            np.testing.assert_allclose(theirs[:, :901], ours[:, :901], rtol=1e-12, atol=1e-9)
+            assert np.isnan(theirs[:, 901:]).all()
+        np.testing.assert_allclose(short[name].by_run[:5], whole[name].by_run[:5], rtol=1e-9)
+        np.testing.assert_allclose(short[name].nis[:901], whole[name].nis[:901], rtol=1e-9)

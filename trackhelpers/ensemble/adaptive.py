@@ -6,7 +6,7 @@ Each is the filter of the same name in `trackhelpers.filters` over M runs, with 
 import numpy as np
 from scipy import stats
 
-from trackhelpers.arrays import check_scale, congruence, inverse, matvec
+from trackhelpers.arrays import check_scale, congruence, matvec
 from trackhelpers.consistency import nis
 from trackhelpers.ensemble.many_matrix_filters import EnsembleMatrixKF
 from trackhelpers.filters.strong_tracking import axes_seen, faded, innovation_spread
@@ -20,6 +20,9 @@ from trackhelpers.manoeuvre import (
     check_window,
     fading_limit,
     fading_sum,
+    input_found,
+    input_moves,
+    input_seen,
 )
 
 
@@ -115,24 +118,19 @@ class EnsembleInputEstimationKF(OneAPrediction, EnsembleMatrixKF):
         """Predict with the input in force."""
         super().predict()
         self.x = self.x + self.G @ self.u
-        self._b = np.tensordot(self.matrices.F, self._b, 1) + self.G[:, :, None, None]
+        self._b = input_moves(self._b, self.matrices.F, self.G)
 
     def _update(self, z, R):
         self._one_a_prediction()
         super()._update(z, R)
-        seen = np.tensordot(self.matrices.H, self._b, 1)
-        whitened = np.einsum("ijr,jqwr->iqwr", inverse(self.S), seen)
-        information = self._information + np.einsum("iqwr,ipwr->qpwr", seen, whitened)
-        weighted = self._weighted + np.einsum("iqwr,ir->qwr", whitened, self.y)
-        b = self._b - np.einsum("nir,iqwr->nqwr", self.K, seen)
-        self._b, self._information, self._weighted = (_next_window(a) for a in (b, information, weighted))
+        sums = input_seen(self._b, self._information, self._weighted, self.y, self.S, self.K, self.matrices.H)
+        self._b, self._information, self._weighted = (_next_window(a) for a in sums)
         self._full = self._full + 1
         ready = np.flatnonzero(self._full >= self.window)
         if not len(ready):
             return
-        shift, covariance = b[:, :, 0, ready], inverse(information[:, :, 0, ready])
-        change = matvec(covariance, weighted[:, 0, ready])
-        found = np.einsum("qr,qr->r", change, weighted[:, 0, ready]) > self.limit
+        change, covariance, shift, significance = input_found(*(a[..., 0, ready] for a in sums))
+        found = significance > self.limit
         some, change, shift = ready[found], change[:, found], shift[..., found]
         x, P = self.x[:, some] + matvec(shift, change), self.P[..., some] + congruence(shift, covariance[..., found])
         self._put(some, x=x, P=P, u=self.u[:, some] + change, changes=self.changes[some] + 1, _full=0)

@@ -6,7 +6,7 @@ H has a few entries, and K has as many columns as the sensor has components.
 
 import numpy as np
 
-from trackhelpers import fused
+from trackhelpers import fused, matrix_steps
 from trackhelpers.arrays import eliminate
 
 
@@ -133,3 +133,11 @@ def gain(PHt, S):
     for k in reversed(range(m - 1)):
         K[:, k] -= np.einsum("ij...,j...->i...", K[:, k + 1 :], L[k + 1 :, k])
     return K
+
+
+def log_density(y, S):
+    """−½ (yᵀS⁻¹y + log det S) for y (m, M) and S (m, m, M): the logarithm of N(y; 0, S) up to a constant; NaN where S is not positive definite."""
+    if (found := matrix_steps.log_density(y, S)) is not None:
+        return found
+    A, D = eliminate(S, y[None])
+    return -0.5 * (np.einsum("jr,jr->r", A[-1] * D, A[-1]) + np.log(D).sum(axis=0))

@@ -4,6 +4,7 @@ from copy import copy
 
 import numpy as np
 
+from trackhelpers import matrix_steps
 from trackhelpers.arrays import all_finite, check_array, check_covariance, check_matrix, congruence, matvec
 from trackhelpers.checks import check_mask, check_numbers
 from trackhelpers.consistency import nees
@@ -20,15 +21,15 @@ class Matrices:
     def __init__(self, F, H, Q, R):
         n = len(F)
         self.F, self.H, self.Q, self.R = F, H, Q, R
-        self._seen = entries_of(H)
+        self.seen = entries_of(H)
         self._transition = {(i, i): float(F[i, i]) for i in range(n) if F[i, i] != 1} | {
             k: v for k, v in entries_of(F).items() if k[0] != k[1]
         }
-        self._noise = entries_of(np.tril(Q))
+        self.difference, self.noise = entries_of(F - np.eye(n)), entries_of(np.tril(Q))
 
     def predict(self, x, P):
         """F x and F P Fᵀ + Q for x (n, M) and P (n, n, M)."""
-        return self.F @ x, propagate(P, self._transition, self._noise)
+        return matrix_steps.move(self, x, P) or (self.F @ x, propagate(P, self._transition, self.noise))
 
     def moved(self, P):
         """F P Fᵀ."""
@@ -36,10 +37,13 @@ class Matrices:
 
     def correct(self, x, P, z, R):
         """x, P, y, S, K after the measurement z (m, M) with noise R, (m, m) or (m, m, M); NaN in a run whose S is not positive definite."""
+        alike = {x.shape[1], z.shape[1], P.shape[2], *R.shape[2:]}  # not so while all runs share a covariance
+        if len(alike) == 1 and (corrected := matrix_steps.correct(self, x, P, z, R)) is not None:
+            return corrected
         with np.errstate(**QUIET):
             if R.ndim == 3 and P.shape[2] == 1:  # a covariance that all runs shared so far
                 P = np.repeat(P, R.shape[2], axis=2)
-            K, S, P = correct(P, self._seen, R)
+            K, S, P = correct(P, self.seen, R)
             y = z - self.H @ x
             return x + matvec(K, y), P, y, S, K
 
@@ -146,7 +150,9 @@ class MatrixEnsemble:
             return tuple(self._merged(*pair) for pair in zip(whole, [runs] * len(whole), part, strict=True))
         if whole is part:  # what all runs share
             return whole
-        whole = np.broadcast_to(whole, (*whole.shape[:-1], self.runs)).copy()
+        if whole.shape[-1] != self.runs:
+            whole = np.broadcast_to(whole, (*whole.shape[:-1], self.runs))
+        whole = whole.copy()
         whole[..., runs] = part
         return whole
 

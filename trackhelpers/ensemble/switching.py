@@ -8,6 +8,7 @@ from scipy import stats
 
 from trackhelpers.arrays import check_covariance
 from trackhelpers.consistency import nis
+from trackhelpers.ensemble.covariance import log_density
 from trackhelpers.ensemble.many_matrix_filters import Matrices, MatrixEnsemble, check_runs, of_runs
 from trackhelpers.filters.imm import embedding, mixture, weighed
 from trackhelpers.manoeuvre import (
@@ -175,8 +176,7 @@ class EnsembleIMM(MatrixEnsemble):
         self.y, self.S = z - H @ self.x, self._models[0].innovation_covariance(self.P, R)
         found = [model.correct(x, P, z, R) for model, x, P in zip(self._models, self._xs, self._Ps, strict=True)]
         self._xs, self._Ps, ys, Ss, _ = zip(*found, strict=True)
-        logs = [-0.5 * (nis(y, S) + np.linalg.slogdet(np.moveaxis(S, -1, 0))[1]) for y, S in zip(ys, Ss, strict=True)]
-        self.mu, _ = weighed(self.mu, np.array(logs))
+        self.mu, _ = weighed(self.mu, np.array([log_density(y, S) for y, S in zip(ys, Ss, strict=True)]))
         self._mix()
 
     def _mix(self):

@@ -3,6 +3,7 @@
 import numpy as np
 from filterpy.kalman import IMMEstimator, KalmanFilter
 
+from trackhelpers import matrix_steps
 from trackhelpers.arrays import check_array, check_covariance
 from trackhelpers.filters.base import OneTarget, atomic
 from trackhelpers.filters.matrix_filter import MatrixKF, inverse_of_S
@@ -17,6 +18,8 @@ def embedding(quiet, manoeuvring):
 def mixture(weights, xs, Ps):
     """Mean (n, ...) and covariance (n, n, ...) of a mixture of two: weights (2, ...), two states (n, ...) and their covariances (n, n, ...)."""
     (a, b), (x, other), (P, other_P) = weights, xs, Ps
+    if x.ndim == 2 and (mixed := matrix_steps.mixture(weights, xs, Ps)) is not None:
+        return mixed
     apart = x - other
     return a * x + b * other, a * P + b * other_P + a * b * (apart[:, None] * apart)
 

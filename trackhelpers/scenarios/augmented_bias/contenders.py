@@ -12,7 +12,7 @@ import numpy as np
 
 from trackhelpers import exact
 from trackhelpers.arrays import congruence
-from trackhelpers.consistency import nis
+from trackhelpers.consistency import nees, nis
 from trackhelpers.ensemble import EnsembleKF
 from trackhelpers.ensemble.adaptive import EnsembleInputEstimationKF, EnsembleStrongTrackingKF, EnsembleVarianceInflationKF
 from trackhelpers.ensemble.switching import EnsembleIMM, EnsembleVariableDimensionKF
@@ -68,6 +68,14 @@ class Followed(NamedTuple):
     nis: np.ndarray  # (N, M)
 
 
+class Judged(NamedTuple):
+    """What is asked of a filter over M runs after each of N measurements."""
+
+    x: np.ndarray  # (4, N, M) position and velocity
+    nees: np.ndarray | None  # (N, M), None for a covariance that means nothing
+    nis: np.ndarray  # (N, M)
+
+
 @dataclass(frozen=True)
 class Linear:
     """A filter whose gain is known before any measurement: matrices of its own state, and the estimate (4, n) as a function of it."""
@@ -110,6 +118,11 @@ class Linear:
         history, P = self._history(x0, z, ("x", "y")), congruence(self.to_estimate[..., None], known.P[..., 1:])
         return Followed(np.tensordot(self.to_estimate, history.x, 1), P[..., None], nis(history.y, known.S[..., None]))
 
+    def judged(self, x0, z, truth):
+        """Estimates, NEES and NIS against the truth (4, N) of all runs: `Judged`; the rest as for `followed`."""
+        x, P, by_step = self.followed(x0, z)
+        return Judged(x, nees(truth[..., None], x, P) if self.honest else None, by_step)
+
 
 @dataclass(frozen=True)
 class Adaptive:
@@ -138,6 +151,12 @@ class Adaptive:
         """As `Linear.followed`. With two models in force the NIS is that of the mixture's, or of the present model's, prediction."""
         history = follow(self.ensemble(x0), np.moveaxis(z, 1, 0), keep=("x", "P", "y", "S"))
         return Followed(history.x, history.P, nis(history.y, history.S))
+
+    def judged(self, x0, z, truth):
+        """As `Linear.judged`; NEES step by step, so that the covariances need not be kept."""
+        truth = truth if self.honest else None
+        history = follow(self.ensemble(x0), np.moveaxis(z, 1, 0), keep=("x", "y", "S"), truth=truth)
+        return Judged(history.x, history.nees if self.honest else None, nis(history.y, history.S))
 
 
 def gains(linear, steps):

@@ -4,7 +4,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from trackhelpers.consistency import nees
 from trackhelpers.ensemble import monte_carlo
 from trackhelpers.intervals import mean_interval, ratio_interval
 from trackhelpers.scenarios.augmented_bias.target import COMPONENTS, SEGMENTS, STEPS, simulate, truth
@@ -45,7 +44,7 @@ class Score(NamedTuple):
         return mean_interval(self.mean_by_run[segment, PARTS.index("settled"), COMPONENTS.index(component)])
 
 
-def score(contenders, runs=500, seed=2018, a=2.0, path=0, n_jobs=1, consistency=True):
+def score(contenders, runs=500, seed=2018, a=2.0, path=0, n_jobs=1, consistency=True, last=STEPS):
     """Run all contenders on the same runs.
 
     Parameters
@@ -58,6 +57,8 @@ def score(contenders, runs=500, seed=2018, a=2.0, path=0, n_jobs=1, consistency=
         As for `trackhelpers.scenarios.augmented_bias.target.truth`.
     consistency : bool
         False leaves NEES and NIS out (NaN), half of the time.
+    last : int
+        The last sample that is asked for: filters stop there, on the same noise, and what comes later is NaN.
 
     Returns
     -------
@@ -71,6 +72,7 @@ def score(contenders, runs=500, seed=2018, a=2.0, path=0, n_jobs=1, consistency=
 
     def task(rngs):
         x0, z = simulate(rngs, track)
+        z = z[:, :last]
         return {f"{c.name}|{key}": value for c in contenders for key, value in _errors(c, x0, z, track, consistency).items()}
 
     reduce = {f"{name}|{key}": "concat" for name in names for key in ("by_run", "mean_by_run")}
@@ -82,13 +84,15 @@ def _errors(contender, x0, z, track, consistency):
     """Sums over the runs of one contender's errors, and its means run by run, by the names of `Score`."""
     normalised, innovations = np.full(STEPS + 1, np.nan), np.full(STEPS + 1, np.nan)
     if consistency:
-        estimates, P, by_step = contender.followed(x0, z)
-        innovations[1:] = by_step.sum(axis=1)
-        if contender.honest:
-            normalised[1:] = nees(track[:, 1:, None], estimates, P).sum(axis=1)
+        estimates, of_errors, of_innovations = contender.judged(x0, z, track[:, 1 : z.shape[1] + 1])
+        innovations[1 : z.shape[1] + 1] = of_innovations.sum(axis=1)
+        if of_errors is not None:
+            normalised[1 : z.shape[1] + 1] = of_errors.sum(axis=1)
     else:
         estimates = contender.estimates(x0, z)
-    errors = np.concatenate([x0[:, None], estimates], axis=1) - track[..., None]
+    errors = np.full((*track.shape, z.shape[2]), np.nan)
+    errors[:, 0], errors[:, 1 : z.shape[1] + 1] = x0, estimates
+    errors -= track[..., None]
     square = errors**2
     windows = [[getattr(segment, part) for part in PARTS] for segment in SEGMENTS]
     by_run, mean_by_run = (np.array([[a[:, w].mean(axis=1) for w in parts] for parts in windows]) for a in (square, errors))
