@@ -65,7 +65,15 @@ def check_chart(chart, name="chart"):
 
 
 class Chart:
-    """What the charts have in common."""
+    """What the charts have in common: a subclass writes ``_rows(x, y)``, the three components of the position; where that is arithmetic alone, sensors compile it."""
+
+    def position(self, q):
+        """Position (3, ...) of the coordinates q (2, ...); ValueError for one target outside the chart."""
+        q = check_array(q, "q", 2)
+        return np.stack(self._rows(*q))
+
+    def _rows(self, x, y):
+        raise NotImplementedError(f"{type(self).__name__} lacks the hook _rows: the components of the position")
 
     def velocity(self, q, rate):
         """Velocity (3, ...) in space, m/s, of coordinates q (2, ...) that change by `rate` (2, ...)."""
@@ -73,18 +81,17 @@ class Chart:
         check_together("shapes (2, ...) that broadcast", q=J[0, 0], rate=rate[0])
         return matvec(J, rate)
 
-    def _refuse(self, q, outside, expected):
+    def _refuse(self, x, y, outside, expected):
         """ValueError for one target that is outside."""
-        if q.ndim == 1 and np.any(outside):
-            raise ValueError(f"q: expected {expected}, got {q}")
+        if np.ndim(x) == 0 and np.any(outside):
+            raise ValueError(f"q: expected {expected}, got {np.array([x, y])}")
 
 
 class Plane(Chart):
     """The plane z = 0 of a local frame; coordinates (x, y)."""
 
-    def position(self, q):
-        q = check_array(q, "q", 2)
-        return np.concatenate([q, np.zeros_like(q[:1])])
+    def _rows(self, x, y):
+        return x, y, np.zeros_like(x)
 
     def jacobian(self, q):
         q = check_array(q, "q", 2)
@@ -135,14 +142,17 @@ class Ellipsoid(Chart):
         """The same chart with another sign of z."""
         return type(self)(sign)
 
-    def position(self, q):
-        q = check_array(q, "q", 2)
-        return np.stack([*q, self._z(q)])
+    def _rows(self, x, y):
+        if self.sign.ndim and (np.ndim(x) == 0 or x.shape[-1] != len(self.sign)):
+            raise ValueError(f"q: expected {len(self.sign)} runs on the last axis, one a sign, got shape {(2, *np.shape(x))}")
+        r = np.sqrt(x * x + y * y)
+        self._refuse(x, y, r > self.a, f"a point of the ellipsoid, x² + y² ≤ ({self.a:.0f} m)²")
+        return x, y, self.sign * (self.b / self.a) * np.sqrt((self.a + r) * np.where(r > self.a, np.nan, self.a - r))
 
     def jacobian(self, q):
         q = check_array(q, "q", 2)
-        z = self._z(q)
-        self._refuse(q, z == 0, "a point off the equator, where this chart ends")
+        z = self._rows(*q)[2]
+        self._refuse(*q, z == 0, "a point off the equator, where this chart ends")
         slope = -((self.b / self.a) ** 2) * q / np.where(z == 0, np.nan, z)
         J = np.zeros((3, 2, *slope.shape[1:]))
         J[0, 0] = J[1, 1] = 1
@@ -152,13 +162,6 @@ class Ellipsoid(Chart):
     def to_chart(self, position):
         """The first two components. Which of the two charts has the point is in the sign of the third."""
         return check_array(position, "position", 3)[:2].copy()
-
-    def _z(self, q):
-        if self.sign.ndim and (q.ndim == 1 or q.shape[-1] != len(self.sign)):
-            raise ValueError(f"q: expected {len(self.sign)} runs on the last axis, one a sign, got shape {q.shape}")
-        r = np.hypot(*q)
-        self._refuse(q, r > self.a, f"a point of the ellipsoid, x² + y² ≤ ({self.a:.0f} m)²")
-        return self.sign * (self.b / self.a) * np.sqrt((self.a + r) * np.where(r > self.a, np.nan, self.a - r))
 
 
 class LocalENU(Chart):
@@ -186,39 +189,49 @@ class LocalENU(Chart):
         self._origin = ecef(self.lat, self.lon, self.h)
         self._axes = np.array(pymap3d.enu2uvw(*np.eye(3), self.lat, self.lon, deg=False))  # columns east, north, up
 
-    def position(self, q):
-        return self._surface(q)[0]
+    def _rows(self, x, y):
+        return self._surface(x, y)[0]
 
     def jacobian(self, q):
-        east_north, up = self._axes[:, :2], self._axes[:, 2]
-        normal = self._surface(q)[1]
-        slope = -np.tensordot(east_north, normal, (0, 0)) / np.tensordot(
-            up, normal, (0, 0)
-        )  # of the height over the plane: the normal stays normal
-        return east_north.reshape(3, 2, *[1] * (slope.ndim - 1)) + up.reshape(3, *[1] * slope.ndim) * slope
+        q = check_array(q, "q", 2)
+        *along, up = self._axes.T.tolist()
+        normal = self._surface(*q)[1]
+        steep = _dot(up, normal)
+        J = np.empty((3, 2, *q.shape[1:]))
+        for k, axis in enumerate(along):
+            slope = -_dot(axis, normal) / steep  # of the height over the plane: the normal stays normal
+            for i in range(3):
+                J[i, k] = axis[i] + up[i] * slope
+        return J
 
     def to_chart(self, position):
         """East and north of an ECEF position (3, ...): what lies off the surface is projected vertically."""
         p = check_array(position, "position", 3)
         return np.tensordot(self._axes[:, :2], p - self._origin.reshape(3, *[1] * (p.ndim - 1)), (0, 0))
 
-    def _surface(self, q):
-        """Position, and a normal of the surface there, both (3, ...)."""
-        q = check_array(q, "q", 2)
-        column = (3, *[1] * (q.ndim - 1))
-        origin, up = self._origin.reshape(column), self._axes[:, 2].reshape(column)
-        axes = (np.array([_WGS84.semimajor_axis] * 2 + [_WGS84.semiminor_axis]) + self.h).reshape(column)
-        p = origin + np.tensordot(self._axes[:, :2], q, 1)
+    def _surface(self, east, north):
+        """Position, and a normal of the surface there, each in three components."""
+        a, b = _WGS84.semimajor_axis + self.h, _WGS84.semiminor_axis + self.h
+        squares, up = (a * a, a * a, b * b), self._axes[:, 2].tolist()
+        plane = zip(self._origin.tolist(), self._axes[:, :2].tolist(), strict=True)
+        p = [o + (e * east + n * north) for o, (e, n) in plane]
         # |(p + u·up)/axes|² = 1: of the two roots the one near the plane; an ellipsoid for h = 0, and within metres of the surface for other heights
-        A, B, C = np.sum((up / axes) ** 2), np.sum(p * up / axes**2, axis=0), np.sum((p / axes) ** 2, axis=0) - 1
-        discriminant = B**2 - A * C
-        self._refuse(q, discriminant <= 0, "a point that the surface reaches")
-        root = np.sqrt(np.where(discriminant > 0, discriminant, np.nan))
-        p = p - C / (B + root) * up
+        A = sum(u * u / s for u, s in zip(up, squares, strict=True))
+        B = sum(pk * (u / s) for pk, u, s in zip(p, up, squares, strict=True))
+        C = sum(pk * pk / s for pk, s in zip(p, squares, strict=True)) - 1
+        discriminant = B * B - A * C
+        self._refuse(east, north, discriminant <= 0, "a point that the surface reaches")
+        step = C / (B + np.sqrt(np.where(discriminant > 0, discriminant, np.nan)))
+        p = [pk - step * u for pk, u in zip(p, up, strict=True)]
         if self.h == 0:
-            return p, p / axes**2
+            return p, [pk / s for pk, s in zip(p, squares, strict=True)]
+        p, up = np.stack(p), self._axes[:, 2].reshape(3, *[1] * np.ndim(east))
         for _ in range(5):  # Newton: the gradient of the height is the normal
             lat, lon, h = geodetic(p)
             normal = np.stack([np.cos(lat) * np.cos(lon), np.cos(lat) * np.sin(lon), np.sin(lat)])
             p = p + (self.h - h) / np.sum(normal * up, axis=0) * up
         return p, normal
+
+
+def _dot(a, b):
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]

@@ -38,6 +38,11 @@ def _traced(owner, key, build, kept=_kept):
         return kept.setdefault(owner, {}).setdefault(key, outputs and Kernel(outputs))
 
 
+def kernel(owner, key, build):
+    """The kernel of the outputs, (shape, symbols) each, that `build()` writes in symbols, kept with `owner`; None where it cannot be traced, or there is no compiler."""
+    return binding and _traced(owner, key, build)
+
+
 def _predicted(model, x, P, dt):
     """x and P after dt seconds."""
     rows, transition, noise = model._hooks(x, dt)

@@ -5,10 +5,12 @@ from math import sqrt
 
 import numpy as np
 
+from trackhelpers import fused
 from trackhelpers.arrays import check_array
-from trackhelpers.charts import check_chart
+from trackhelpers.charts import Chart, check_chart
 from trackhelpers.checks import check_mask, check_numbers
 from trackhelpers.sensors.base import Sensor, check_time
+from trackhelpers.symbols import Symbol
 
 
 def range_differences(position, satellites):
@@ -36,8 +38,18 @@ def difference_gradients(position, satellites):
 
     With û the unit vectors from the satellites to the emitter it is (b − d_i û_0)/r_i, without cancellation.
     """
+    return differences_and_gradients(position, satellites)[1]
+
+
+def differences_and_gradients(position, satellites):
+    """`range_differences` and `difference_gradients` in one go."""
     u, r0, rows = _rows(position, satellites)
-    return np.stack([np.stack([(bk - d / r0 * uk) / r for bk, uk in zip(b, u, strict=True)]) for b, r, d in rows])
+    gradients = np.empty((len(rows), 3, *r0.shape))
+    for slope, (b, r, d) in zip(gradients, rows, strict=True):
+        ratio = d / r0
+        for k in range(3):
+            slope[k] = (b[k] - ratio * u[k]) / r
+    return np.stack([d for _, _, d in rows]), gradients
 
 
 class StationDifferences(Sensor):
@@ -134,17 +146,38 @@ class StationDifferences(Sensor):
             raise ValueError(f"{type(self).__name__}: the satellites move: ask for the sensor of an instant, .at(t)")
         first, baselines = self._stations[:2]
         q = np.stack([x[i] for i in self._place])
+        if x.ndim > 1 and type(self.chart).position is Chart.position:
+            kernel = fused.kernel(self.chart, ("ranges", len(baselines)), lambda: _ranges_in_symbols(self.chart, len(baselines)))
+            if kernel is not None:
+                stations = [*first, *(value for b, bb in baselines for value in (*b, bb))]
+                found = kernel(q[0].size, q.reshape(2, -1), *(np.array([[value]]) for value in stations))
+                u, r0, r, d = (part.reshape(*part.shape[:-1], *q.shape[1:]) for part in found)
+                return q, u, r0[0], [(i, b, ri, di) for i, (b, _), ri, di in zip(self._taken, baselines, r, d, strict=True)]
         p = self.chart.position(q)
         single = x.ndim == 1
-        u = [row - s for row, s in zip(p.tolist() if single else p, first, strict=True)]
-        root = sqrt if single else np.sqrt
-        square = u[0] * u[0] + u[1] * u[1] + u[2] * u[2]
-        r0, rows = root(square), []
-        for i, (b, bb) in zip(self._taken, baselines, strict=True):
-            c = _excess(u, b, bb)
-            r = root(square + c)
-            rows.append((i, b, r, c / (r + r0)))
-        return q, u, r0, rows
+        u, r0, rows = _ranges(p.tolist() if single else p, first, baselines, sqrt if single else np.sqrt)
+        return q, u, r0, [(i, b, r, d) for i, (b, _), (r, d) in zip(self._taken, baselines, rows, strict=True)]
+
+
+def _ranges(p, first, baselines, root):
+    """The emitter from s_0, its range r_0, and r_i and d_i for each s_0 − s_i, which comes with its square."""
+    u = [row - s for row, s in zip(p, first, strict=True)]
+    square = u[0] * u[0] + u[1] * u[1] + u[2] * u[2]
+    r0, rows = root(square), []
+    for b, bb in baselines:
+        c = _excess(u, b, bb)
+        r = root(square + c)
+        rows.append((r, c / (r + r0)))
+    return u, r0, rows
+
+
+def _ranges_in_symbols(chart, count):
+    """What `_ranges` finds for `count` baselines, of coordinates that differ from run to run and stations, one number after the other, that are the same for all."""
+    given = [Symbol("shared", k, 0) for k in range(1, 4 + 4 * count)]
+    baselines = [(given[k : k + 3], given[k + 3]) for k in range(3, len(given), 4)]
+    p = chart._rows(Symbol("load", 0, 0), Symbol("load", 0, 1))
+    u, r0, rows = _ranges(p, given[:3], baselines, np.sqrt)
+    return [((3,), u), ((1,), [r0]), *(((count,), list(column)) for column in zip(*rows, strict=True))]
 
 
 class TDOA(StationDifferences):
