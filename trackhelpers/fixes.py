@@ -7,14 +7,18 @@ from math import prod
 
 import numpy as np
 
+from trackhelpers import fused
 from trackhelpers.arrays import check_array, check_covariance, inverse
 from trackhelpers.batch import BatchFix as BatchFix
 from trackhelpers.batch import batch_fix as batch_fix
 from trackhelpers.charts import Ellipsoid, check_chart
 from trackhelpers.quartic import real_roots, roots_up_to_one
-from trackhelpers.sensors.tdoa import check_stations, difference_gradients, range_differences
+from trackhelpers.sensors.tdoa import check_stations, difference_gradients, ranges
+from trackhelpers.symbolic import loads
 
 _AXES = np.array([Ellipsoid.a, Ellipsoid.a, Ellipsoid.b])
+_SQUARES = (_AXES**2).tolist()
+_ROWS = (3, 3, 3, 3, 9, 2)  # of what `_finished` takes
 _UNIT = 1e6  # m, of the ranges in the quartic
 _FLAT = 1e-5  # the least volume that S0's radius and the baselines span, as a share of a box's
 _BLOCK = 2048  # problems at a time, which fit into the processor's cache
@@ -103,11 +107,10 @@ def _points(d, s, seen):
     with np.errstate(**_QUIET):
         curve = _Curve(d, s)
         r, where, column = curve.roots(near=seen)
-        p, r = curve.to_local_radius(r, where)
-        signed = (r > 0) & np.all(r + d[:, where] > 0, axis=0)
-        p, where, column = p[:, signed], where[signed], column[signed]
-        p = _polished(p, d[:, where], s[..., where])
-        kept = _seen(p, s[..., where]) if seen else np.isfinite(p[0])
+        parts = [part[:, where] for part in (curve.P0, curve.P1, curve.P2, curve.normal, s.reshape(9, -1), d)]
+        kernel = fused.kernel(_Curve, seen, lambda: [((3,), _finished(*(loads(i, n) for i, n in enumerate(_ROWS)), loads(6, 1)[0], seen))])
+        p = np.stack(_finished(*parts, r, seen)) if kernel is None else kernel(len(r), *parts, r)[0]
+        kept = np.isfinite(p[0])
     points[:, column[kept], where[kept]] = p[:, kept]
     return points
 
@@ -159,7 +162,7 @@ def _covariance(p, s, W, chart):
     """(Hᵀ W H)⁻¹, NaN where that has no inverse."""
     H = np.einsum("ik...,kj...->ij...", difference_gradients(p, s), chart.jacobian(chart.to_chart(p)))
     with np.errstate(**_QUIET):
-        return inverse(np.einsum("ki...,kl,lj...->ij...", H, W, H, optimize=True))
+        return inverse(np.einsum("ki...,kj...->ij...", H, np.tensordot(W, H, 1)))
 
 
 class _Curve:
@@ -168,7 +171,7 @@ class _Curve:
     def __init__(self, d, s):
         self.d, self.s = d, s
         first, b1, b2 = self.s[:, 0], self.s[:, 1] - self.s[:, 0], self.s[:, 2] - self.s[:, 0]
-        c1, c2, c3 = _cross(b2, first), _cross(first, b1), _cross(b1, b2)
+        c1, c2, c3 = (np.stack(_cross(*pair)) for pair in ((b2, first), (first, b1), (b1, b2)))
         volume = _dot(b1, c1)
         too_flat = np.abs(volume) < _FLAT * np.sqrt(_dot(b1, b1) * _dot(b2, b2) * _dot(first, first))
         volume = np.where(too_flat | np.any(np.abs(self.d) >= np.sqrt(np.stack([_dot(b1, b1), _dot(b2, b2)])), axis=0), np.nan, volume)
@@ -196,17 +199,6 @@ class _Curve:
         r, which, column = roots_up_to_one(scaled)
         return r * reach[good[which]] * _UNIT, good[which], column
 
-    def to_local_radius(self, r, where):
-        """Points (3, J) and their r with R of each point, by Newton's iteration on |p(r)|² = R²."""
-        P0, P1, P2, normal = (part[:, where] for part in (self.P0, self.P1, self.P2, self.normal))
-        R = _radius(self.s[:, 0, where])
-        for _ in range(3):  # the radius changes by 0.3 % of a way at most, so each takes off two digits or more
-            p = P0 + 0.5 * R**2 * normal + (P1 + P2 * r) * r
-            R = _radius(p)
-            p = P0 + 0.5 * R**2 * normal + (P1 + P2 * r) * r
-            r = r - 0.5 * (_dot(p, p) - R**2) / _dot(p, P1 + 2 * P2 * r)
-        return P0 + 0.5 * R**2 * normal + (P1 + P2 * r) * r, r
-
 
 def _arguments(d, satellites):
     d, s = check_array(d, "d", 2), check_stations(satellites, "satellites")
@@ -230,9 +222,45 @@ def _refuse(d, s, count, near):
         raise ValueError(f"d: all satellites see {count} points with the range differences {d}; tell by near= which one is meant")
 
 
+def _finished(P0, P1, P2, normal, s, d, r, seen):
+    """The point of the ellipsoid that a root r on the sphere stands for, in three components, NaN where it does not count; all in rows, of numbers or of symbols.
+
+    By Newton's iterations, first on |p(r)|² = R² with the Earth's radius R at the point, then on d_1, d_2 and the ellipsoid.
+    """
+    first, *others = [[s[3 * k + i] for k in range(3)] for i in range(3)]
+    baselines = [[a - b for a, b in zip(first, other, strict=True)] for other in others]
+    baselines = [(b, _dot(b, b)) for b in baselines]
+
+    def point(r, R):
+        return [a + 0.5 * R * R * n + (b + c * r) * r for a, b, c, n in zip(P0, P1, P2, normal, strict=True)]
+
+    R = _radius(first)
+    for _ in range(3):  # the radius changes by 0.3 % of a way at most, so each takes off two digits or more
+        R = _radius(point(r, R))
+        p = point(r, R)
+        r = r - 0.5 * (_dot(p, p) - R * R) / _dot(p, [b + 2.0 * c * r for b, c in zip(P1, P2, strict=True)])
+    p = point(r, R)
+    for positive in (r, r + d[0], r + d[1]):
+        p[0] = np.where(positive > 0, p[0], np.nan)
+    for _ in range(4):
+        u, r0, rows = ranges(p, first, baselines, np.sqrt)
+        g1, g2 = ([(bk - di / r0 * uk) / ri for bk, uk in zip(b, u, strict=True)] for (b, _), (ri, di) in zip(baselines, rows, strict=True))
+        up = [pk / square for pk, square in zip(p, _SQUARES, strict=True)]
+        off = d[0] - rows[0][1], d[1] - rows[1][1], 0.5 * (1.0 - _dot(p, up))
+        across = _cross(g2, up), _cross(up, g1), _cross(g1, g2)
+        volume = _dot(g1, across[0])
+        step = [_dot(off, column) / volume for column in zip(*across, strict=True)]
+        p = [a + b for a, b in zip(p, step, strict=True)]
+    p[0] = np.where(_dot(step, step) < 1e-6, p[0], np.nan)  # elsewhere it does not end: two roots nearly meet at the horizon
+    up = [pk / square for pk, square in zip(p, _SQUARES, strict=True)]
+    for satellite in (first, *others) if seen else ():
+        p[0] = np.where(_dot([a - b for a, b in zip(satellite, p, strict=True)], up) > 0, p[0], np.nan)
+    return p
+
+
 def _radius(p):
     """The Earth's radius, m, in the direction of p (3, ...)."""
-    return np.sqrt(_dot(p, p) / _dot(p / _column(_AXES, p), p / _column(_AXES, p)))
+    return np.sqrt(_dot(p, p) / _dot([pk / square for pk, square in zip(p, _SQUARES, strict=True)], p))
 
 
 def _seen(p, s):
@@ -242,27 +270,12 @@ def _seen(p, s):
     return np.all(np.broadcast_arrays(*above), axis=0)
 
 
-def _polished(p, d, s):
-    """Newton's iteration for p (3, J) on d_1, d_2 and the ellipsoid; NaN where it does not end there (two roots that nearly meet at the horizon)."""
-    for _ in range(4):
-        g1, g2 = difference_gradients(p, s)
-        normal = p / _column(_AXES**2, p)
-        e1, e2 = d - range_differences(p, s)
-        e3 = 0.5 * (1 - _dot(p, normal))
-        c1, c2, c3 = _cross(g2, normal), _cross(normal, g1), _cross(g1, g2)
-        step = (e1 * c1 + e2 * c2 + e3 * c3) / _dot(g1, c1)
-        p = p + step
-        if not np.any(_dot(step, step) > 1e-8):  # 0.1 mm: the next one is below rounding
-            break
-    return np.where(_dot(step, step) < 1e-6, p, np.nan)
-
-
 def _dot(a, b):
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
 def _cross(a, b):
-    return np.stack([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
 def _column(values, p):

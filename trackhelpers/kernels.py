@@ -47,7 +47,8 @@ class Kernel:
         """The outputs for float arrays (…, runs), the inputs in the order of their numbers."""
         arrays = [np.ascontiguousarray(a, float) for a in arrays[: self.loads]]
         out = [np.empty((*shape, runs)) for shape in self.shapes]
-        self.function(runs)(runs, dt, self.numbers_at, *map(id, out), *map(id, arrays))
+        if runs:  # the loop does its first runs before it asks whether there are any
+            self.function(runs)(runs, dt, self.numbers_at, *map(id, out), *map(id, arrays))
         return out
 
     def function(self, runs):

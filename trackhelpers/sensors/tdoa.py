@@ -155,11 +155,11 @@ class StationDifferences(Sensor):
                 return q, u, r0[0], [(i, b, ri, di) for i, (b, _), ri, di in zip(self._taken, baselines, r, d, strict=True)]
         p = self.chart.position(q)
         single = x.ndim == 1
-        u, r0, rows = _ranges(p.tolist() if single else p, first, baselines, sqrt if single else np.sqrt)
+        u, r0, rows = ranges(p.tolist() if single else p, first, baselines, sqrt if single else np.sqrt)
         return q, u, r0, [(i, b, r, d) for i, (b, _), (r, d) in zip(self._taken, baselines, rows, strict=True)]
 
 
-def _ranges(p, first, baselines, root):
+def ranges(p, first, baselines, root):
     """The emitter from s_0, its range r_0, and r_i and d_i for each s_0 − s_i, which comes with its square."""
     u = [row - s for row, s in zip(p, first, strict=True)]
     square = u[0] * u[0] + u[1] * u[1] + u[2] * u[2]
@@ -172,11 +172,11 @@ def _ranges(p, first, baselines, root):
 
 
 def _ranges_in_symbols(chart, count):
-    """What `_ranges` finds for `count` baselines, of coordinates that differ from run to run and stations, one number after the other, that are the same for all."""
+    """What `ranges` finds for `count` baselines, of coordinates that differ from run to run and stations, one number after the other, that are the same for all."""
     given = [Symbol("shared", k, 0) for k in range(1, 4 + 4 * count)]
     baselines = [(given[k : k + 3], given[k + 3]) for k in range(3, len(given), 4)]
     p = chart._rows(Symbol("load", 0, 0), Symbol("load", 0, 1))
-    u, r0, rows = _ranges(p, given[:3], baselines, np.sqrt)
+    u, r0, rows = ranges(p, given[:3], baselines, np.sqrt)
     return [((3,), u), ((1,), [r0]), *(((count,), list(column)) for column in zip(*rows, strict=True))]
 
 
