@@ -5,6 +5,8 @@ derivative of that position by the coordinates, ``velocity(q, rate)`` and ``to_c
 one target and NaN in an ensemble's run. Latitudes and longitudes are geodetic, on WGS-84, and in rad; ECEF is the earth-centred, earth-fixed frame.
 """
 
+import copy
+
 import numpy as np
 import pymap3d
 
@@ -65,15 +67,15 @@ def check_chart(chart, name="chart"):
 
 
 class Chart:
-    """What the charts have in common: a subclass writes ``_rows(x, y)``, the three components of the position; where that is arithmetic alone, sensors compile it."""
+    """What the charts have in common."""
 
-    def position(self, q):
-        """Position (3, ...) of the coordinates q (2, ...); ValueError for one target outside the chart."""
-        q = check_array(q, "q", 2)
-        return np.stack(self._rows(*q))
+    def rows(self, q):
+        """The three rows of ``position(q)`` by the two of q, which are arrays (...) or, in `Plane`, `Ellipsoid` and `LocalENU` of the sea, `trackhelpers.symbols`."""
+        return self.position(np.stack(q))
 
-    def _rows(self, x, y):
-        raise NotImplementedError(f"{type(self).__name__} lacks the hook _rows: the components of the position")
+    def slopes(self, q):
+        """The three rows of ``jacobian(q)``, of two entries each; as `rows`."""
+        return self.jacobian(np.stack(q))
 
     def velocity(self, q, rate):
         """Velocity (3, ...) in space, m/s, of coordinates q (2, ...) that change by `rate` (2, ...)."""
@@ -81,17 +83,24 @@ class Chart:
         check_together("shapes (2, ...) that broadcast", q=J[0, 0], rate=rate[0])
         return matvec(J, rate)
 
-    def _refuse(self, x, y, outside, expected):
+    def _refuse(self, q, outside, expected):
         """ValueError for one target that is outside."""
-        if np.ndim(x) == 0 and np.any(outside):
-            raise ValueError(f"q: expected {expected}, got {np.array([x, y])}")
+        if q.ndim == 1 and np.any(outside):
+            raise ValueError(f"q: expected {expected}, got {q}")
 
 
 class Plane(Chart):
     """The plane z = 0 of a local frame; coordinates (x, y)."""
 
-    def _rows(self, x, y):
-        return x, y, np.zeros_like(x)
+    def position(self, q):
+        q = check_array(q, "q", 2)
+        return np.concatenate([q, np.zeros_like(q[:1])])
+
+    def rows(self, q):
+        return [*q, 0.0]
+
+    def slopes(self, q):
+        return [[1.0, 0.0], [0.0, 1.0], [0.0, 0.0]]
 
     def jacobian(self, q):
         q = check_array(q, "q", 2)
@@ -142,17 +151,29 @@ class Ellipsoid(Chart):
         """The same chart with another sign of z."""
         return type(self)(sign)
 
-    def _rows(self, x, y):
-        if self.sign.ndim and (np.ndim(x) == 0 or x.shape[-1] != len(self.sign)):
-            raise ValueError(f"q: expected {len(self.sign)} runs on the last axis, one a sign, got shape {(2, *np.shape(x))}")
-        r = np.sqrt(x * x + y * y)
-        self._refuse(x, y, r > self.a, f"a point of the ellipsoid, x² + y² ≤ ({self.a:.0f} m)²")
-        return x, y, self.sign * (self.b / self.a) * np.sqrt((self.a + r) * np.where(r > self.a, np.nan, self.a - r))
+    def with_symbol(self, sign):
+        """The same chart with a symbol for the sign of each run."""
+        other = copy.copy(self)
+        other._sign = sign
+        return other
+
+    def position(self, q):
+        q = check_array(q, "q", 2)
+        return np.stack([*q, self._z(q)])
+
+    def rows(self, q):
+        self._fit(np.shape(q[0]))
+        return [*q, self._height(np.hypot(*q))]
+
+    def slopes(self, q):
+        z = self.rows(q)[2]
+        z = np.where(z == 0, np.nan, z)
+        return [[1.0, 0.0], [0.0, 1.0], [-((self.b / self.a) ** 2) * row / z for row in q]]
 
     def jacobian(self, q):
         q = check_array(q, "q", 2)
-        z = self._rows(*q)[2]
-        self._refuse(*q, z == 0, "a point off the equator, where this chart ends")
+        z = self._z(q)
+        self._refuse(q, z == 0, "a point off the equator, where this chart ends")
         slope = -((self.b / self.a) ** 2) * q / np.where(z == 0, np.nan, z)
         J = np.zeros((3, 2, *slope.shape[1:]))
         J[0, 0] = J[1, 1] = 1
@@ -162,6 +183,21 @@ class Ellipsoid(Chart):
     def to_chart(self, position):
         """The first two components. Which of the two charts has the point is in the sign of the third."""
         return check_array(position, "position", 3)[:2].copy()
+
+    def _z(self, q):
+        self._fit(q.shape[1:])
+        r = np.hypot(*q)
+        self._refuse(q, r > self.a, f"a point of the ellipsoid, x² + y² ≤ ({self.a:.0f} m)²")
+        return self._height(r)
+
+    def _fit(self, runs):
+        """ValueError where there is a sign for each run, and q (2, *runs) has others."""
+        if self._sign.ndim and runs[-1:] != self._sign.shape:
+            raise ValueError(f"q: expected {self._sign.shape[0]} runs on the last axis, one a sign, got shape {(2, *runs)}")
+
+    def _height(self, r):
+        """z in the distance r from the axis, NaN where there is no sea."""
+        return self._sign * (self.b / self.a) * np.sqrt((self.a + r) * np.where(r > self.a, np.nan, self.a - r))
 
 
 class LocalENU(Chart):
@@ -189,43 +225,59 @@ class LocalENU(Chart):
         self._origin = ecef(self.lat, self.lon, self.h)
         self._axes = np.array(pymap3d.enu2uvw(*np.eye(3), self.lat, self.lon, deg=False))  # columns east, north, up
 
-    def _rows(self, x, y):
-        return self._surface(x, y)[0]
+    def position(self, q):
+        return self._surface(q)[0]
+
+    def rows(self, q):
+        return super().rows(q) if self.h else self._sea(q)[0]
+
+    def slopes(self, q):
+        if self.h:
+            return super().slopes(q)
+        (east, north, up), normal = self._axes.T.tolist(), self._sea(q)[1]
+        rise = [-_dot(axis, normal) / _dot(up, normal) for axis in (east, north)]  # as in `jacobian`
+        return [[east[k] + up[k] * rise[0], north[k] + up[k] * rise[1]] for k in range(3)]
+
+    def _sea(self, q):
+        """As `_surface`, row by row, for h = 0."""
+        origin, (east, north, up) = self._origin.tolist(), self._axes.T.tolist()
+        p = [o + e * q[0] + n * q[1] for o, e, n in zip(origin, east, north, strict=True)]
+        weights = [_WGS84.semimajor_axis**-2, _WGS84.semimajor_axis**-2, _WGS84.semiminor_axis**-2]
+        normal = [row * w for row, w in zip(p, weights, strict=True)]
+        A, B, C = _dot([u * w for u, w in zip(up, weights, strict=True)], up), _dot(normal, up), _dot(normal, p) - 1.0
+        discriminant = B * B - A * C
+        down = C / (B + np.sqrt(np.where(discriminant > 0, discriminant, np.nan)))
+        p = [row - down * u for row, u in zip(p, up, strict=True)]
+        return p, [row * w for row, w in zip(p, weights, strict=True)]
 
     def jacobian(self, q):
-        q = check_array(q, "q", 2)
-        *along, up = self._axes.T.tolist()
-        normal = self._surface(*q)[1]
-        steep = _dot(up, normal)
-        J = np.empty((3, 2, *q.shape[1:]))
-        for k, axis in enumerate(along):
-            slope = -_dot(axis, normal) / steep  # of the height over the plane: the normal stays normal
-            for i in range(3):
-                J[i, k] = axis[i] + up[i] * slope
-        return J
+        east_north, up = self._axes[:, :2], self._axes[:, 2]
+        normal = self._surface(q)[1]
+        slope = -np.tensordot(east_north, normal, (0, 0)) / np.tensordot(
+            up, normal, (0, 0)
+        )  # of the height over the plane: the normal stays normal
+        return east_north.reshape(3, 2, *[1] * (slope.ndim - 1)) + up.reshape(3, *[1] * slope.ndim) * slope
 
     def to_chart(self, position):
         """East and north of an ECEF position (3, ...): what lies off the surface is projected vertically."""
         p = check_array(position, "position", 3)
         return np.tensordot(self._axes[:, :2], p - self._origin.reshape(3, *[1] * (p.ndim - 1)), (0, 0))
 
-    def _surface(self, east, north):
-        """Position, and a normal of the surface there, each in three components."""
-        a, b = _WGS84.semimajor_axis + self.h, _WGS84.semiminor_axis + self.h
-        squares, up = (a * a, a * a, b * b), self._axes[:, 2].tolist()
-        plane = zip(self._origin.tolist(), self._axes[:, :2].tolist(), strict=True)
-        p = [o + (e * east + n * north) for o, (e, n) in plane]
+    def _surface(self, q):
+        """Position, and a normal of the surface there, both (3, ...)."""
+        q = check_array(q, "q", 2)
+        column = (3, *[1] * (q.ndim - 1))
+        origin, up = self._origin.reshape(column), self._axes[:, 2].reshape(column)
+        axes = (np.array([_WGS84.semimajor_axis] * 2 + [_WGS84.semiminor_axis]) + self.h).reshape(column)
+        p = origin + np.tensordot(self._axes[:, :2], q, 1)
         # |(p + u·up)/axes|² = 1: of the two roots the one near the plane; an ellipsoid for h = 0, and within metres of the surface for other heights
-        A = sum(u * u / s for u, s in zip(up, squares, strict=True))
-        B = sum(pk * (u / s) for pk, u, s in zip(p, up, squares, strict=True))
-        C = sum(pk * pk / s for pk, s in zip(p, squares, strict=True)) - 1
-        discriminant = B * B - A * C
-        self._refuse(east, north, discriminant <= 0, "a point that the surface reaches")
-        step = C / (B + np.sqrt(np.where(discriminant > 0, discriminant, np.nan)))
-        p = [pk - step * u for pk, u in zip(p, up, strict=True)]
+        A, B, C = np.sum((up / axes) ** 2), np.sum(p * up / axes**2, axis=0), np.sum((p / axes) ** 2, axis=0) - 1
+        discriminant = B**2 - A * C
+        self._refuse(q, discriminant <= 0, "a point that the surface reaches")
+        root = np.sqrt(np.where(discriminant > 0, discriminant, np.nan))
+        p = p - C / (B + root) * up
         if self.h == 0:
-            return p, [pk / s for pk, s in zip(p, squares, strict=True)]
-        p, up = np.stack(p), self._axes[:, 2].reshape(3, *[1] * np.ndim(east))
+            return p, p / axes**2
         for _ in range(5):  # Newton: the gradient of the height is the normal
             lat, lon, h = geodetic(p)
             normal = np.stack([np.cos(lat) * np.cos(lon), np.cos(lat) * np.sin(lon), np.sin(lat)])

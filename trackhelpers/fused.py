@@ -18,6 +18,7 @@ from trackhelpers.symbolic import flat, loads
 from trackhelpers.symbols import Symbol, choose, number, tracing, wrap
 
 MOST_STEPS = 16  # different ones of a model that cannot be traced for any dt at once; the further ones are left to NumPy
+MOST_ITERATIONS = 10  # of an iterated EKF: the code grows with them
 MOST_SENSORS = 4  # different ones in a run of many steps, each of which is compiled together with the model
 _kept = WeakKeyDictionary()  # model or sensor -> what was traced of it
 _kept_together = WeakKeyDictionary()  # model -> sensor -> what was traced of both
@@ -36,11 +37,6 @@ def _traced(owner, key, build, kept=_kept):
         except Exception:  # whatever a hook raises that wanted a number
             outputs = None
         return kept.setdefault(owner, {}).setdefault(key, outputs and Kernel(outputs))
-
-
-def kernel(owner, key, build):
-    """The kernel of the outputs, (shape, symbols) each, that `build()` writes in symbols, kept with `owner`; None where it cannot be traced, or there is no compiler."""
-    return binding and _traced(owner, key, build)
 
 
 def _predicted(model, x, P, dt):
@@ -63,6 +59,23 @@ def _corrected(sensor, model, x, P, z, R):
     y = [wrap(z[a] - row) if a in sensor.angles else z[a] - row for a, row in enumerate(seen)]
     K, S, P = symbolic.corrected(P, H, R)
     return _normalised(model, [x[i] + symbolic.dot(K[i], y) for i in range(model.n)]), P, y, S, K
+
+
+def _iterated(sensor, model, own_noise, iterations):
+    """x, P, y, S and K after a measurement, linearised again where each of some iterations has led."""
+    n, m = model.n, sensor.m
+    R = _own_noise(sensor) if own_noise else loads(3, m, m)
+    x, P, z, step = loads(0, n), loads(1, n, n), loads(2, m), None
+    for _ in range(iterations):
+        seen, H = sensor._hooks(x if step is None else symbolic.Vector(a + b for a, b in zip(x, step, strict=True)))
+        K, S, posterior = symbolic.corrected(P, H, R)
+        y = [wrap(z[a] - row) if a in sensor.angles else z[a] - row for a, row in enumerate(seen)]
+        if step is not None:  # of the sensor linearised there: z − h(xᵢ) − Hᵢ (x⁻ − xᵢ)
+            for (a, j), value in H.items():
+                y[a] = y[a] + value * step[j]
+        step = [symbolic.dot(row, y) for row in K]
+    x = _normalised(model, [a + b for a, b in zip(x, step, strict=True)])
+    return [((n,), x), ((n, n), flat(posterior)), ((m,), y), ((m, m), flat(S)), ((n, m), flat(K))]
 
 
 def _own_noise(sensor):
@@ -114,16 +127,37 @@ def predict(model, x, P, dt):
     return kernel and kernel(x.shape[1], x, P, dt=dt)
 
 
-def update(sensor, model, x, P, z, R):
-    """x, P, y, S and K of an EKF's update; None as for `predict`, and for a sensor that changes with time or from run to run."""
-    if binding is None or not _plain(type(sensor), "at", "of_runs", "residual") or not _plain(type(model), "_normalise"):
+def update(sensor, model, x, P, z, R, iterations=1):
+    """x, P, y, S and K of an EKF's update; None as for `predict`, and for a sensor that changes with time or from run to run in a way that it does not tell."""
+    if iterations > MOST_ITERATIONS:
         return None
+    build, more = (_update, ()) if iterations == 1 else (_iterated, (iterations,))
+    return corrected(build, more, sensor, model, x, P, z, R)
+
+
+def corrected(build, more, sensor, model, x, P, z, R):
+    """What ``build(sensor, model, own_noise, *more)`` makes of an update: arrays (…, M) of x, P, z and, unless it is the sensor's own, R; None as for `update`."""
+    if binding is None or not _plain(type(model), "_normalise"):
+        return None
+    told = timeless(sensor)
+    if told is None:
+        return None
+    owner, key, given, signs, on_symbols = told
     own = R is sensor.R
-    kernel = _traced(sensor, _layout(model, own), lambda: _update(sensor, model, own))
+    kernel = _traced(owner, (build, more, key, _layout(model, own)), lambda: build(on_symbols(3 if own else 4), model, own, *more))
     if kernel is None:
         return None
     runs = x.shape[1]
-    return kernel(runs, x, P, z, *([] if own else [np.broadcast_to(R.reshape(*R.shape[:2], -1), (*R.shape[:2], runs))]))
+    noise = [] if own else [np.broadcast_to(R.reshape(*R.shape[:2], -1), (*R.shape[:2], runs))]
+    return kernel(runs, x, P, z, *noise, *signs, given=given)
+
+
+def timeless(sensor):
+    """Of a sensor that is traced once for all times what `StationDifferences.moving` tells; None for one that changes with time or from run to run, and does not tell how."""
+    if _plain(type(sensor), "at", "of_runs", "residual"):
+        return sensor, (), None, (), lambda array: sensor
+    moving = getattr(sensor, "moving", None)
+    return moving() if moving and _plain(type(sensor), "residual") else None
 
 
 def _layout(model, *more):

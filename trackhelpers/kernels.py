@@ -43,12 +43,13 @@ class Kernel:
         self.numbers_at = address(self.numbers)
         self._code, self._functions = (code, stores, self.loads), {}
 
-    def __call__(self, runs, *arrays, dt=0.0):
-        """The outputs for float arrays (…, runs), the inputs in the order of their numbers."""
+    def __call__(self, runs, *arrays, dt=0.0, given=None):
+        """The outputs for float arrays (…, runs), the inputs in the order of their numbers; `given` (k,) are numbers that all runs share, other ones at each call."""
         arrays = [np.ascontiguousarray(a, float) for a in arrays[: self.loads]]
         out = [np.empty((*shape, runs)) for shape in self.shapes]
+        numbers = self.numbers if given is None else np.concatenate([self.numbers, given])
         if runs:  # the loop does its first runs before it asks whether there are any
-            self.function(runs)(runs, dt, self.numbers_at, *map(id, out), *map(id, arrays))
+            self.function(runs)(runs, dt, address(numbers), *map(id, out), *map(id, arrays))
         return out
 
     def function(self, runs):
@@ -90,6 +91,7 @@ def _compiled(code, stores, loads, lanes):
     V, bits, suffix = (f"<{lanes} x double>", f"<{lanes} x i1>", f"v{lanes}f64") if lanes > 1 else ("double", "i1", "f64")
     names = [f"%n{i}" for i in range(len(code))]
     lines, numbers, calls = [], 0, set()
+    own = sum(op == "number" for op, *_ in code)  # behind them are those that are given at each call
 
     def spread(name, source):
         """Instructions that put one number in all lanes."""
@@ -102,13 +104,16 @@ def _compiled(code, stores, loads, lanes):
         ]
 
     for name, (op, *args) in zip(names, code, strict=True):
-        given = [names[a] for a in args] if op not in ("load", "shared") else args
+        given = [names[a] for a in args] if op not in ("load", "shared", "given") else args
         if op == "dt":
             lines += spread(name, "%dt")
         elif op == "number":
             lines += [f"{name}a = getelementptr double, ptr %numbers, i64 {numbers}", f"{name}s = load double, ptr {name}a"]
             lines += spread(name, f"{name}s")
             numbers += 1
+        elif op == "given":
+            lines += [f"{name}a = getelementptr double, ptr %numbers, i64 {own + args[0]}", f"{name}s = load double, ptr {name}a"]
+            lines += spread(name, f"{name}s")
         elif op == "load":
             lines += [*_element(f"{name}a", len(stores) + args[0], args[1], "%start"), f"{name} = load {V}, ptr {name}a, align 8"]
         elif op == "shared":

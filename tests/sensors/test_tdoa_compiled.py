@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from trackhelpers import fixes, fused
 from trackhelpers.charts import Ellipsoid, LocalENU, Plane
 from trackhelpers.kernels import Kernel, binding
 from trackhelpers.sensors import TDOA
@@ -50,11 +49,3 @@ def test_a_kernel_of_no_runs_gives_empty_arrays_and_writes_nowhere():
     with tracing():
         kernel = Kernel([((2,), [Symbol("load", 0, 0) + 1.0, Symbol("load", 0, 1)])])
     assert kernel(0, np.zeros((2, 0)))[0].shape == (2, 0)
-
-
-def test_fixes_compiled_are_fixes_in_numpy(monkeypatch):
-    d = np.array([[1e3, -2e4, 3e4], [2e3, 1e4, -5e4]])
-    compiled = fixes.candidates(d, S), fixes.candidates(d, S, seen=False)
-    monkeypatch.setattr(fused, "kernel", lambda *_: None)
-    for found, seen in zip(compiled, (True, False), strict=True):
-        np.testing.assert_allclose(found, fixes.candidates(d, S, seen=seen), rtol=0, atol=1e-6)

@@ -106,15 +106,17 @@ class Ensemble:
         if mask is None:
             self.x, self.P, self.y, self.S, self.K = self._corrected(self.x, self._covariance, z, sensor, R)
             return
-        R = R[..., mask] if R.ndim == 3 else R
-        x, P, y, S, K = self._corrected(self.x[:, mask], self.P[..., mask], z[:, mask], sensor.of_runs(mask), R)
+        there = np.flatnonzero(mask)  # numbers are faster to index with than the mask
+        R = R.take(there, axis=2) if R.ndim == 3 else R
+        x, P, z = self.x.take(there, axis=1), self.P.take(there, axis=2), z.take(there, axis=1)
+        x, P, y, S, K = self._corrected(x, P, z, sensor.of_runs(mask), R)
         self.x, self.P = self.x.copy(), self.P.copy()
-        self.x[:, mask], self.P[..., mask] = x, P
-        self.y, self.S, self.K = (self._scattered(part, mask) for part in (y, S, K))
+        self.x[:, there], self.P[..., there] = x, P
+        self.y, self.S, self.K = (self._scattered(part, there) for part in (y, S, K))
 
-    def _scattered(self, part, mask):
+    def _scattered(self, part, there):
         whole = np.full((*part.shape[:-1], self.runs), np.nan)
-        whole[..., mask] = part
+        whole[..., there] = part
         return whole
 
     def _moved(self, x, K, y):

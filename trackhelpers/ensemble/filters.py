@@ -74,7 +74,7 @@ class EnsembleEKF(Ensemble):
         return type(z) is np.ndarray and z.dtype == float and z.shape == (sensor.m, self.runs) and all_finite(z)
 
     def _corrected(self, x, P, z, sensor, R):
-        corrected = fused.update(sensor, self.model, x, P, z, R) if self.iterations == 1 else None
+        corrected = fused.update(sensor, self.model, x, P, z, R, self.iterations)
         if corrected is not None:
             return corrected
         with np.errstate(**QUIET):
@@ -135,11 +135,23 @@ class EnsembleUKF(Ensemble):
         return self.model._normalise(x), P
 
     def _corrected(self, x, P, z, sensor, R):
+        weights = self.Wm[0], self.Wm[-1], self.Wc[0], self.Wc[-1]
+        whole = unscented_compiled.update(sensor, self.model, x, P, z, R, self._spread, weights)
+        if whole is None:
+            return self._corrected_by_points(x, P, z, sensor, R, weights)
+        doubtful = ~np.isfinite(whole[0]).all(axis=0)
+        if doubtful.any():  # a P that is only semidefinite has a root that takes longer
+            R = R[..., doubtful] if R.ndim == 3 else R
+            parts = self._corrected_by_points(x[:, doubtful], P[..., doubtful], z[:, doubtful], sensor.of_runs(doubtful), R, weights)
+            for part, value in zip(whole, parts, strict=True):
+                part[..., doubtful] = value
+        return whole
+
+    def _corrected_by_points(self, x, P, z, sensor, R, weights):
         with np.errstate(**QUIET):
             root, points = self._root_and_points(x, P)
             seen = sensor.h(points)
             if not sensor.angles:
-                weights = self.Wm[0], self.Wm[-1], self.Wc[0], self.Wc[-1]
                 compiled = unscented_compiled.corrected(root, seen, P, R, weights)
                 if compiled is not None:
                     z_hat, S, K, P_post = compiled

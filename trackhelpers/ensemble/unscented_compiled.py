@@ -7,7 +7,9 @@ from functools import lru_cache
 
 import numpy as np
 
+from trackhelpers import fused
 from trackhelpers.kernels import Kernel, binding
+from trackhelpers.symbolic import Vector
 from trackhelpers.symbols import Symbol, choose, number
 
 MOST_STATES = 8  # the code grows with the cube of the number of states, and so does the time that compiling takes
@@ -40,9 +42,36 @@ def corrected(root, seen, P, R, weights):
     return _update(n, m, weights)(runs, root, seen, P, R)
 
 
+def update(sensor, model, x, P, z, R, spread, weights):
+    """x, P, y, S and K after a measurement by stations, whose h takes most of the time; NaN where P is not positive definite. None where that cannot be traced."""
+    if not hasattr(sensor, "moving") or sensor.angles or model.angles or model._limits or len(x) > MOST_STATES:
+        return None
+    return fused.corrected(_whole_update, (spread, weights), sensor, model, x, P, z, R)
+
+
+def _whole_update(sensor, model, own_noise, spread, weights):
+    n, m = model.n, sensor.m
+    x, P, z = [_load(0, i) for i in range(n)], _lower(1, n), [_load(2, a) for a in range(m)]
+    R = [[number(value) for value in row] for row in sensor.R] if own_noise else _lower(3, m)
+    root, points = _displaced(x, P, float(np.sqrt(spread)))
+    seen = []
+    for point in map(Vector, zip(*points, strict=True)):
+        seen.append(sensor._rows(point, sensor._parts(point)))
+    mean, S, K, posterior = _moments(root, [[number(row[a]) for row in seen] for a in range(m)], P, R, weights)
+    y = [z[a] - mean[a] for a in range(m)]
+    moved = [x[i] + _dot(K[i], y) for i in range(n)]
+    return [((n,), moved), ((n, n), _flat(_mirrored(posterior))), ((m,), y), ((m, m), _flat(_mirrored(S))), ((n, m), _flat(K))]
+
+
 @lru_cache(maxsize=64)
 def _points(n):
-    x, P, scale = [_load(0, i) for i in range(n)], _lower(1, n), _load(2, 0)
+    root, points = _displaced([_load(0, i) for i in range(n)], _lower(1, n), _load(2, 0))
+    return Kernel([((n, n), _flat(root)), ((n, 2 * n + 1), _flat(points))])
+
+
+def _displaced(x, P, scale):
+    """A root of scale² P, and x, x + root, x − root, the points as columns."""
+    n = len(x)
     L = [[number(0.0)] * n for _ in range(n)]
     for j in range(n):
         pivot = P[j][j] - _dot(L[j][:j], L[j][:j])
@@ -50,8 +79,7 @@ def _points(n):
         for i in range(j + 1, n):
             L[i][j] = (P[i][j] - _dot(L[i][:j], L[j][:j])) / L[j][j]
     root = [[value * scale for value in row] for row in L]
-    points = [[x[i], *(x[i] + value for value in root[i]), *(x[i] - value for value in root[i])] for i in range(n)]
-    return Kernel([((n, n), _flat(root)), ((n, 2 * n + 1), _flat(points))])
+    return root, [[x[i], *(x[i] + value for value in root[i]), *(x[i] - value for value in root[i])] for i in range(n)]
 
 
 @lru_cache(maxsize=64)
@@ -59,7 +87,13 @@ def _update(n, m, weights):
     k = 2 * n + 1
     root = [[_load(0, i * n + j) for j in range(n)] for i in range(n)]
     seen = [[_load(1, a * k + j) for j in range(k)] for a in range(m)]
-    P, R, (_, mean_other, first, other) = _lower(2, n), _lower(3, m), weights
+    mean, S, K, posterior = _moments(root, seen, _lower(2, n), _lower(3, m), weights)
+    return Kernel([((m,), mean), ((m, m), _flat(_mirrored(S))), ((n, m), _flat(K)), ((n, n), _flat(_mirrored(posterior)))])
+
+
+def _moments(root, seen, P, R, weights):
+    """The mean of what was seen at the points, the lower half of its covariance, the gain, and the lower half of the posterior."""
+    n, m, (_, mean_other, first, other) = len(P), len(seen), weights
     # about the first point, for the points' differences are small beside what is seen
     from_first = [[value - row[0] for value in row] for row in seen]
     shift = [_total(row[1:]) * mean_other for row in from_first]  # the weights of the mean add up to one
@@ -70,8 +104,7 @@ def _update(n, m, weights):
     pairs = [[row[1 + j] - row[1 + n + j] for j in range(n)] for row in from_first]
     cross = [[_dot(root[i][: i + 1], pairs[a][: i + 1]) * other for a in range(m)] for i in range(n)]
     K = _gain(cross, S)
-    posterior = [[P[i][j] - _dot(K[i], cross[j]) for j in range(i + 1)] for i in range(n)]
-    return Kernel([((m,), mean), ((m, m), _flat(_mirrored(S))), ((n, m), _flat(K)), ((n, n), _flat(_mirrored(posterior)))])
+    return mean, S, K, [[P[i][j] - _dot(K[i], cross[j]) for j in range(i + 1)] for i in range(n)]
 
 
 def _gain(cross, S):

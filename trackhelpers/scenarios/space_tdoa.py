@@ -77,6 +77,9 @@ class Formation:
         orbits = np.stack([_positions(elements, nodes) for elements in self.elements.T], axis=1)
         self._position = make_interp_spline(nodes, orbits, _ORDER, axis=-1)
         self._velocity = self._position.derivative()
+        self._instant = functools.lru_cache(maxsize=2048)(
+            _read_only
+        )  # several sensors ask for the same second, and again in the next scenario
 
     def satellites(self, t):
         """Positions (3, S) at the time t, s, or (3, S, N) at N times. ValueError for a time more than a minute outside the pass."""
@@ -88,6 +91,8 @@ class Formation:
 
     def _at(self, spline, t):
         t = np.asarray(t, dtype=float)
+        if not t.ndim and abs(t - MIDDLE) <= MIDDLE:
+            return self._instant(spline, float(t))
         if not np.all((t >= -_MARGIN) & (t <= TIMES[-1] + _MARGIN)):
             raise ValueError(f"t: expected times of the pass, from {-_MARGIN:.0f} to {TIMES[-1] + _MARGIN:.0f} s, got {t}")
         return spline(t)
@@ -207,6 +212,12 @@ def availability(scenario, rngs, N=600):
         there[1, seconds[ends[0] : ends[1]], run] = False
         there[0, seconds[ends[1] :], run] = False
     return there
+
+
+def _read_only(spline, t):
+    values = spline(t)
+    values.setflags(write=False)
+    return values
 
 
 def _ship(t):

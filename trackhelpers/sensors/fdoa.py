@@ -40,6 +40,7 @@ class FDOA(StationDifferences):
 
     def _parts(self, x):
         q, u, r0, rows = self._seen(x)
+        q = np.stack(q)
         rate = np.stack([x[i] for i in self._rates])
         v = self.chart.velocity(q, rate)
         first, others = self._stations[2:]

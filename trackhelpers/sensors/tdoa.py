@@ -5,9 +5,8 @@ from math import sqrt
 
 import numpy as np
 
-from trackhelpers import fused
 from trackhelpers.arrays import check_array
-from trackhelpers.charts import Chart, check_chart
+from trackhelpers.charts import Ellipsoid, LocalENU, Plane, check_chart
 from trackhelpers.checks import check_mask, check_numbers
 from trackhelpers.sensors.base import Sensor, check_time
 from trackhelpers.symbols import Symbol
@@ -50,6 +49,13 @@ def differences_and_gradients(position, satellites):
         for k in range(3):
             slope[k] = (b[k] - ratio * u[k]) / r
     return np.stack([d for _, _, d in rows]), gradients
+
+
+_CHARTS = Plane, Ellipsoid, LocalENU  # whose rows are known to be their positions: a subclass may have another position
+
+
+class _Kind:
+    """What a sensor and its copies at other times have in common."""
 
 
 class StationDifferences(Sensor):
@@ -99,7 +105,7 @@ class StationDifferences(Sensor):
         )
         super().__init__(None if given else sigma, state, sigma if given else R, rows)
         self._place = self._column("x"), self._column("y")
-        self._latest = None, None
+        self._latest, self._numbers, self._kind = (None, None), None, _Kind()
         self._stations = None if callable(satellites) else self._prepared(None)
 
     def at(self, t):
@@ -120,6 +126,38 @@ class StationDifferences(Sensor):
         sign = getattr(self.chart, "sign", None)
         return self.with_chart(self.chart.with_sign(sign[check_mask(mask, "mask", len(sign))])) if np.ndim(sign) else self
 
+    def moving(self):
+        """How `trackhelpers.fused` takes the sensor, which is traced once for all times; None for other charts than those of `trackhelpers.charts`, and without a time.
+
+        Returns
+        -------
+        owner, key : object, tuple
+            Equal for sensors that differ in nothing but `given` and `signs`.
+        given : numpy.ndarray, shape (k,)
+            Where the stations are.
+        signs : tuple
+            Of an `Ellipsoid` with a sign for each run this array (M,).
+        on_symbols : callable
+            ``on_symbols(k)`` is the sensor with symbols in the place of what is given, and of the signs as the array with the number k.
+        """
+        chart, kind = self.chart, type(self.chart)
+        if self._stations is None or kind not in _CHARTS:
+            return None
+        if self._numbers is None:
+            first, baselines = self._stations[:2]
+            self._numbers = np.array([*first, *(number for b, bb in baselines for number in (*b, bb))])
+        signs = (chart.sign,) if kind is Ellipsoid and chart.sign.ndim else ()
+        place = (chart.lat, chart.lon, chart.h) if kind is LocalENU else ()
+        sign = (float(chart.sign),) if kind is Ellipsoid and not signs else ()
+        return self._kind, (kind, *place, *sign), self._numbers, signs, self._on_symbols
+
+    def _on_symbols(self, array):
+        numbers = [Symbol("given", i) for i in range(len(self._numbers))]
+        baselines = [(numbers[i : i + 3], numbers[i + 3]) for i in range(3, len(numbers), 4)]
+        signs = np.ndim(getattr(self.chart, "sign", 0))
+        chart = self.chart.with_symbol(Symbol("load", array, 0)) if signs else self.chart
+        return self._copy(_stations=(numbers[:3], baselines), chart=chart)
+
     def _named(self, rows):
         """The names of rows that are given by numbers or names."""
         rows = [rows] if isinstance(rows, str) or not hasattr(rows, "__iter__") else list(rows)
@@ -129,7 +167,7 @@ class StationDifferences(Sensor):
 
     def _copy(self, **changed):
         other = copy.copy(self)
-        other.__dict__.update(changed, _latest=(None, None))
+        other.__dict__.update(changed, _latest=(None, None), _numbers=None)
         return other
 
     def _prepared(self, t):
@@ -141,43 +179,21 @@ class StationDifferences(Sensor):
         return s[:, 0].tolist(), [(b, b[0] * b[0] + b[1] * b[1] + b[2] * b[2]) for b in baselines]
 
     def _seen(self, x):
-        """Coordinates q, and from s_0 the emitter's direction, its range r_0, and for each row that is taken (i, s_0 − s_i, r_i, d_i)."""
+        """The two coordinates q, and from s_0 the emitter's direction, its range r_0, and for each row that is taken (i, s_0 − s_i, r_i, d_i)."""
         if self._stations is None:
             raise ValueError(f"{type(self).__name__}: the satellites move: ask for the sensor of an instant, .at(t)")
         first, baselines = self._stations[:2]
-        q = np.stack([x[i] for i in self._place])
-        if x.ndim > 1 and type(self.chart).position is Chart.position:
-            kernel = fused.kernel(self.chart, ("ranges", len(baselines)), lambda: _ranges_in_symbols(self.chart, len(baselines)))
-            if kernel is not None:
-                stations = [*first, *(value for b, bb in baselines for value in (*b, bb))]
-                found = kernel(q[0].size, q.reshape(2, -1), *(np.array([[value]]) for value in stations))
-                u, r0, r, d = (part.reshape(*part.shape[:-1], *q.shape[1:]) for part in found)
-                return q, u, r0[0], [(i, b, ri, di) for i, (b, _), ri, di in zip(self._taken, baselines, r, d, strict=True)]
-        p = self.chart.position(q)
-        single = x.ndim == 1
-        u, r0, rows = ranges(p.tolist() if single else p, first, baselines, sqrt if single else np.sqrt)
+        q, single = [x[i] for i in self._place], x.ndim == 1
+        p = (
+            self.chart.position(np.stack(q)).tolist()
+            if single
+            else self.chart.rows(q)
+            if type(self.chart) in _CHARTS
+            else self.chart.position(np.stack(q))
+        )
+        u = [row - s for row, s in zip(p, first, strict=True)]
+        r0, rows = ranges(u, baselines, sqrt if single else np.sqrt)
         return q, u, r0, [(i, b, r, d) for i, (b, _), (r, d) in zip(self._taken, baselines, rows, strict=True)]
-
-
-def ranges(p, first, baselines, root):
-    """The emitter from s_0, its range r_0, and r_i and d_i for each s_0 − s_i, which comes with its square."""
-    u = [row - s for row, s in zip(p, first, strict=True)]
-    square = u[0] * u[0] + u[1] * u[1] + u[2] * u[2]
-    r0, rows = root(square), []
-    for b, bb in baselines:
-        c = _excess(u, b, bb)
-        r = root(square + c)
-        rows.append((r, c / (r + r0)))
-    return u, r0, rows
-
-
-def _ranges_in_symbols(chart, count):
-    """What `ranges` finds for `count` baselines, of coordinates that differ from run to run and stations, one number after the other, that are the same for all."""
-    given = [Symbol("shared", k, 0) for k in range(1, 4 + 4 * count)]
-    baselines = [(given[k : k + 3], given[k + 3]) for k in range(3, len(given), 4)]
-    p = chart._rows(Symbol("load", 0, 0), Symbol("load", 0, 1))
-    u, r0, rows = ranges(p, given[:3], baselines, np.sqrt)
-    return [((3,), u), ((1,), [r0]), *(((count,), list(column)) for column in zip(*rows, strict=True))]
 
 
 class TDOA(StationDifferences):
@@ -205,7 +221,7 @@ class TDOA(StationDifferences):
 
     def _H(self, x, parts):
         q, u, r0, rows = parts
-        J = self.chart.jacobian(q)
+        J = self.chart.slopes(q) if x.ndim > 1 and type(self.chart) in _CHARTS else self.chart.jacobian(np.stack(q))
         J = J.tolist() if x.ndim == 1 else J
         entries = {}
         for i, b, r, d in rows:
@@ -235,6 +251,17 @@ def _rows(position, satellites):
         r = np.sqrt(r0 * r0 + c)
         rows.append((b, r, c / (r + r0)))
     return u, r0, rows
+
+
+def ranges(u, baselines, root=np.sqrt):
+    """r_0, and r_i and d_i for each s_0 − s_i, which comes with its square, of an emitter u from s_0: by rows, of numbers, arrays or symbols."""
+    square = u[0] * u[0] + u[1] * u[1] + u[2] * u[2]
+    r0, rows = root(square), []
+    for b, bb in baselines:
+        c = _excess(u, b, bb)
+        r = root(square + c)
+        rows.append((r, c / (r + r0)))
+    return r0, rows
 
 
 def _excess(u, b, bb):
