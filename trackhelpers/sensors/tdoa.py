@@ -114,7 +114,7 @@ class StationDifferences(Sensor):
         return self.with_chart(self.chart.with_sign(sign[check_mask(mask, "mask", len(sign))])) if np.ndim(sign) else self
 
     def moving(self):
-        """How `trackhelpers.fused` takes the sensor, which is traced once for all times; None for other charts than those of `trackhelpers.charts`, and without a time.
+        """How `trackhelpers.fused` takes the sensor, which is traced once for all times; None for other charts than those of `trackhelpers.charts`, for a subclass with another `at`, and without a time.
 
         Returns
         -------
@@ -128,7 +128,7 @@ class StationDifferences(Sensor):
             ``on_symbols(k)`` is the sensor with symbols in the place of what is given, and of the signs as the array with the number k.
         """
         chart, kind = self.chart, type(self.chart)
-        if self._stations is None or kind not in (Plane, Ellipsoid, LocalENU):
+        if self._stations is None or kind not in (Plane, Ellipsoid, LocalENU) or type(self).at is not StationDifferences.at:
             return None
         if self._numbers is None:
             first, baselines = self._stations[:2]
