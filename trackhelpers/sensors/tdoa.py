@@ -6,7 +6,9 @@ from math import sqrt
 import numpy as np
 
 from trackhelpers.arrays import check_array
-from trackhelpers.charts import Ellipsoid, LocalENU, Plane, check_chart
+from trackhelpers.chart_rows import rows as rows_of
+from trackhelpers.chart_rows import slopes, traceable
+from trackhelpers.charts import Ellipsoid, LocalENU, check_chart
 from trackhelpers.checks import check_mask, check_numbers
 from trackhelpers.sensors.base import Sensor, check_time
 from trackhelpers.symbols import Symbol
@@ -128,7 +130,7 @@ class StationDifferences(Sensor):
             ``on_symbols(k)`` is the sensor with symbols in the place of what is given, and of the signs as the array with the number k.
         """
         chart, kind = self.chart, type(self.chart)
-        if self._stations is None or kind not in (Plane, Ellipsoid, LocalENU) or type(self).at is not StationDifferences.at:
+        if self._stations is None or not traceable(chart) or type(self).at is not StationDifferences.at:
             return None
         if self._numbers is None:
             first, baselines = self._stations[:2]
@@ -171,7 +173,7 @@ class StationDifferences(Sensor):
             raise ValueError(f"{type(self).__name__}: the satellites move: ask for the sensor of an instant, .at(t)")
         first, baselines = self._stations[:2]
         q, single = [x[i] for i in self._place], x.ndim == 1
-        p = self.chart.position(np.stack(q)).tolist() if single else self.chart.rows(q)
+        p = self.chart.position(np.stack(q)).tolist() if single else rows_of(self.chart, q)
         u = [row - s for row, s in zip(p, first, strict=True)]
         root = sqrt if single else np.sqrt
         square = u[0] * u[0] + u[1] * u[1] + u[2] * u[2]
@@ -208,7 +210,7 @@ class TDOA(StationDifferences):
 
     def _H(self, x, parts):
         q, u, r0, rows = parts
-        J = self.chart.jacobian(np.stack(q)).tolist() if x.ndim == 1 else self.chart.slopes(q)
+        J = self.chart.jacobian(np.stack(q)).tolist() if x.ndim == 1 else slopes(self.chart, q)
         entries = {}
         for i, b, r, d in rows:
             ratio = d / r0
