@@ -6,7 +6,9 @@ from math import sqrt
 import numpy as np
 
 from trackhelpers.arrays import check_array
-from trackhelpers.charts import Ellipsoid, LocalENU, Plane, check_chart
+from trackhelpers.chart_rows import rows as rows_of
+from trackhelpers.chart_rows import slopes, traceable
+from trackhelpers.charts import Ellipsoid, LocalENU, check_chart
 from trackhelpers.checks import check_mask, check_numbers
 from trackhelpers.sensors.base import Sensor, check_time
 from trackhelpers.symbols import Symbol
@@ -49,9 +51,6 @@ def differences_and_gradients(position, satellites):
         for k in range(3):
             slope[k] = (b[k] - ratio * u[k]) / r
     return np.stack([d for _, _, d in rows]), gradients
-
-
-_CHARTS = Plane, Ellipsoid, LocalENU  # whose rows are known to be their positions: a subclass may have another position
 
 
 class _Kind:
@@ -127,7 +126,7 @@ class StationDifferences(Sensor):
         return self.with_chart(self.chart.with_sign(sign[check_mask(mask, "mask", len(sign))])) if np.ndim(sign) else self
 
     def moving(self):
-        """How `trackhelpers.fused` takes the sensor, which is traced once for all times; None for other charts than those of `trackhelpers.charts`, and without a time.
+        """How `trackhelpers.fused` takes the sensor, which is traced once for all times; None for other charts than those of `trackhelpers.charts`, for a subclass with another `at`, and without a time.
 
         Returns
         -------
@@ -141,7 +140,7 @@ class StationDifferences(Sensor):
             ``on_symbols(k)`` is the sensor with symbols in the place of what is given, and of the signs as the array with the number k.
         """
         chart, kind = self.chart, type(self.chart)
-        if self._stations is None or kind not in _CHARTS:
+        if self._stations is None or not traceable(chart) or type(self).at is not StationDifferences.at:
             return None
         if self._numbers is None:
             first, baselines = self._stations[:2]
@@ -184,13 +183,7 @@ class StationDifferences(Sensor):
             raise ValueError(f"{type(self).__name__}: the satellites move: ask for the sensor of an instant, .at(t)")
         first, baselines = self._stations[:2]
         q, single = [x[i] for i in self._place], x.ndim == 1
-        p = (
-            self.chart.position(np.stack(q)).tolist()
-            if single
-            else self.chart.rows(q)
-            if type(self.chart) in _CHARTS
-            else self.chart.position(np.stack(q))
-        )
+        p = self.chart.position(np.stack(q)).tolist() if single else rows_of(self.chart, q)
         u = [row - s for row, s in zip(p, first, strict=True)]
         r0, rows = ranges(u, baselines, sqrt if single else np.sqrt)
         return q, u, r0, [(i, b, r, d) for i, (b, _), (r, d) in zip(self._taken, baselines, rows, strict=True)]
@@ -221,8 +214,7 @@ class TDOA(StationDifferences):
 
     def _H(self, x, parts):
         q, u, r0, rows = parts
-        J = self.chart.slopes(q) if x.ndim > 1 and type(self.chart) in _CHARTS else self.chart.jacobian(np.stack(q))
-        J = J.tolist() if x.ndim == 1 else J
+        J = self.chart.jacobian(np.stack(q)).tolist() if x.ndim == 1 else slopes(self.chart, q)
         entries = {}
         for i, b, r, d in rows:
             ratio = d / r0
