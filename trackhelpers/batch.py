@@ -7,7 +7,7 @@ import numpy as np
 from trackhelpers.arrays import check_array, check_covariance, cholesky, inverse, matvec
 from trackhelpers.charts import check_chart
 from trackhelpers.checks import check_count, check_number, check_numbers
-from trackhelpers.sensors.tdoa import check_stations, difference_gradients, range_differences
+from trackhelpers.sensors.tdoa import check_stations, differences_and_gradients
 
 _BLOCK = 16384  # differences at a time of the searches that go side by side, which fit into the processor's cache
 _QUIET = {"over": "ignore", "invalid": "ignore", "divide": "ignore"}
@@ -123,8 +123,9 @@ class _Problem:
         n, lag = len(x), self.lag
         q = x[:2, None] + (lag * x[2:, None] if n == 4 else np.zeros((2, len(lag), 1)))
         p = self.chart.position(q)
-        y1, y2 = self.z[..., runs] - range_differences(p, self.satellites)
-        H = np.einsum("ik...,kj...->ij...", difference_gradients(p, self.satellites), self.chart.jacobian(q))
+        d, slopes = differences_and_gradients(p, self.satellites)
+        y1, y2 = self.z[..., runs] - d
+        H = np.einsum("ik...,kj...->ij...", slopes, self.chart.jacobian(q))
         w1, w2, w12 = (w[:, runs] for w in self.weights)
         v1, v2 = w1 * y1 + w12 * y2, w12 * y1 + w2 * y2
         cost = np.sum(y1 * v1 + y2 * v2, axis=0)

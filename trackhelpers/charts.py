@@ -69,14 +69,6 @@ def check_chart(chart, name="chart"):
 class Chart:
     """What the charts have in common."""
 
-    def rows(self, q):
-        """The three rows of ``position(q)`` by the two of q, which are arrays (...) or, in `Plane`, `Ellipsoid` and `LocalENU` of the sea, `trackhelpers.symbols`."""
-        return self.position(np.stack(q))
-
-    def slopes(self, q):
-        """The three rows of ``jacobian(q)``, of two entries each; as `rows`."""
-        return self.jacobian(np.stack(q))
-
     def velocity(self, q, rate):
         """Velocity (3, ...) in space, m/s, of coordinates q (2, ...) that change by `rate` (2, ...)."""
         J, rate = self.jacobian(q), check_array(rate, "rate", 2)
@@ -95,12 +87,6 @@ class Plane(Chart):
     def position(self, q):
         q = check_array(q, "q", 2)
         return np.concatenate([q, np.zeros_like(q[:1])])
-
-    def rows(self, q):
-        return [*q, 0.0]
-
-    def slopes(self, q):
-        return [[1.0, 0.0], [0.0, 1.0], [0.0, 0.0]]
 
     def jacobian(self, q):
         q = check_array(q, "q", 2)
@@ -161,15 +147,6 @@ class Ellipsoid(Chart):
         q = check_array(q, "q", 2)
         return np.stack([*q, self._z(q)])
 
-    def rows(self, q):
-        self._fit(np.shape(q[0]))
-        return [*q, self._height(np.hypot(*q))]
-
-    def slopes(self, q):
-        z = self.rows(q)[2]
-        z = np.where(z == 0, np.nan, z)
-        return [[1.0, 0.0], [0.0, 1.0], [-((self.b / self.a) ** 2) * row / z for row in q]]
-
     def jacobian(self, q):
         q = check_array(q, "q", 2)
         z = self._z(q)
@@ -228,28 +205,6 @@ class LocalENU(Chart):
     def position(self, q):
         return self._surface(q)[0]
 
-    def rows(self, q):
-        return super().rows(q) if self.h else self._sea(q)[0]
-
-    def slopes(self, q):
-        if self.h:
-            return super().slopes(q)
-        (east, north, up), normal = self._axes.T.tolist(), self._sea(q)[1]
-        rise = [-_dot(axis, normal) / _dot(up, normal) for axis in (east, north)]  # as in `jacobian`
-        return [[east[k] + up[k] * rise[0], north[k] + up[k] * rise[1]] for k in range(3)]
-
-    def _sea(self, q):
-        """As `_surface`, row by row, for h = 0."""
-        origin, (east, north, up) = self._origin.tolist(), self._axes.T.tolist()
-        p = [o + e * q[0] + n * q[1] for o, e, n in zip(origin, east, north, strict=True)]
-        weights = [_WGS84.semimajor_axis**-2, _WGS84.semimajor_axis**-2, _WGS84.semiminor_axis**-2]
-        normal = [row * w for row, w in zip(p, weights, strict=True)]
-        A, B, C = _dot([u * w for u, w in zip(up, weights, strict=True)], up), _dot(normal, up), _dot(normal, p) - 1.0
-        discriminant = B * B - A * C
-        down = C / (B + np.sqrt(np.where(discriminant > 0, discriminant, np.nan)))
-        p = [row - down * u for row, u in zip(p, up, strict=True)]
-        return p, [row * w for row, w in zip(p, weights, strict=True)]
-
     def jacobian(self, q):
         east_north, up = self._axes[:, :2], self._axes[:, 2]
         normal = self._surface(q)[1]
@@ -283,7 +238,3 @@ class LocalENU(Chart):
             normal = np.stack([np.cos(lat) * np.cos(lon), np.cos(lat) * np.sin(lon), np.sin(lat)])
             p = p + (self.h - h) / np.sum(normal * up, axis=0) * up
         return p, normal
-
-
-def _dot(a, b):
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]

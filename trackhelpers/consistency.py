@@ -163,12 +163,16 @@ def cramer_rao(Fs, Qs, Hs, Rs, P0):
             raise ValueError(f"{name}: expected a sequence, one a step, got {value!r}")
     if not len(Fs) == len(Qs) == len(Hs) == len(Rs):
         raise ValueError(f"Fs, Qs, Hs, Rs: expected equal lengths, got {len(Fs)}, {len(Qs)}, {len(Hs)}, {len(Rs)}")
-    bound = []
+    bound, step, noise = [], (None, None), (None, None)  # what was given, and is checked: the same one again needs no check
     for k, (F, Q, H, R) in enumerate(zip(Fs, Qs, Hs, Rs, strict=True)):
-        P = congruence(check_matrix(F, f"Fs[{k}]", (n, n)), P) + check_covariance(Q, f"Qs[{k}]", n)
+        if F is not step[0] or Q is not step[1] or k == 0:
+            step = F, Q, check_matrix(F, f"Fs[{k}]", (n, n)), check_covariance(Q, f"Qs[{k}]", n)
+        P = congruence(step[2], P) + step[3]
         if H is not None:
             H = check_matrix(H, f"Hs[{k}]", (None, n))
-            R = check_covariance(R, f"Rs[{k}]", len(H))
+            if R is None or R is not noise[0] or len(H) != len(noise[1]):
+                noise = R, check_covariance(R, f"Rs[{k}]", len(H))
+            R = noise[1]
             S_inverse = inverse(congruence(H, P) + R)
             if not all_finite(S_inverse):
                 raise ValueError(f"Rs[{k}]: expected one that leaves H P Hᵀ + R positive definite, got {R}")

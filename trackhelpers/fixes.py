@@ -10,15 +10,11 @@ import numpy as np
 from trackhelpers.arrays import check_array, check_covariance, inverse
 from trackhelpers.batch import BatchFix as BatchFix
 from trackhelpers.batch import batch_fix as batch_fix
-from trackhelpers.charts import Ellipsoid, check_chart
-from trackhelpers.quartic import real_roots, roots_up_to_one
-from trackhelpers.sensors.tdoa import check_stations, difference_gradients, range_differences
+from trackhelpers.charts import check_chart
+from trackhelpers.sea_points import FLAT, SQUARES, dot, sea_points
+from trackhelpers.sensors.tdoa import check_stations, difference_gradients
 
-_AXES = np.array([Ellipsoid.a, Ellipsoid.a, Ellipsoid.b])
-_UNIT = 1e6  # m, of the ranges in the quartic
-_FLAT = 1e-5  # the least volume that S0's radius and the baselines span, as a share of a box's
 _BLOCK = 2048  # problems at a time, which fit into the processor's cache
-_REACH = 1.3  # the farthest root on the sphere whose point on the ellipsoid may be in sight, in distances of S0's horizon
 _QUIET = {"over": "ignore", "invalid": "ignore", "divide": "ignore"}
 
 
@@ -56,7 +52,7 @@ def fix(d, satellites, near=None):
     near = None if near is None else check_array(near, "near", 3)
     p = np.empty((3, prod(shape)))
     for block, there in _blocks(shape):
-        found = _points(_part(d, shape, there, 1), _part(s, shape, there, 2), True)
+        found = sea_points(_part(d, shape, there, 1), _part(s, shape, there, 2), True)
         p[:, block] = _chosen(found, None if near is None else _part(near, shape, there, 1))
     return p.reshape(3, *shape)
 
@@ -78,7 +74,7 @@ def candidates(d, satellites, seen=True):
     shape = np.broadcast_shapes(d.shape[1:], s.shape[2:])
     points = np.empty((3, 4, prod(shape)))
     for block, there in _blocks(shape):
-        points[..., block] = _points(_part(d, shape, there, 1), _part(s, shape, there, 2), seen)
+        points[..., block] = sea_points(_part(d, shape, there, 1), _part(s, shape, there, 2), seen)
     return points.reshape(3, 4, *shape)
 
 
@@ -95,21 +91,6 @@ def _part(values, shape, there, leading):
     first, rest = values.shape[:leading], values.shape[leading:]
     shape = shape or (1,)
     return np.broadcast_to(values.reshape(*first, *[1] * (len(shape) - len(rest)), *rest), (*first, *shape))[(..., *there)]
-
-
-def _points(d, s, seen):
-    """The points (3, 4, K) of K problems, d (2, K) and s (3, 3, K)."""
-    points = np.full((3, 4, d.shape[1]), np.nan)
-    with np.errstate(**_QUIET):
-        curve = _Curve(d, s)
-        r, where, column = curve.roots(near=seen)
-        p, r = curve.to_local_radius(r, where)
-        signed = (r > 0) & np.all(r + d[:, where] > 0, axis=0)
-        p, where, column = p[:, signed], where[signed], column[signed]
-        p = _polished(p, d[:, where], s[..., where])
-        kept = _seen(p, s[..., where]) if seen else np.isfinite(p[0])
-    points[:, column[kept], where[kept]] = p[:, kept]
-    return points
 
 
 def _chosen(found, near):
@@ -159,53 +140,7 @@ def _covariance(p, s, W, chart):
     """(Hᵀ W H)⁻¹, NaN where that has no inverse."""
     H = np.einsum("ik...,kj...->ij...", difference_gradients(p, s), chart.jacobian(chart.to_chart(p)))
     with np.errstate(**_QUIET):
-        return inverse(np.einsum("ki...,kl,lj...->ij...", H, W, H, optimize=True))
-
-
-class _Curve:
-    """The points that share d_1 and d_2 with an emitter, p = P0 + P1 r + P2 r² with r = r_0 their range from S0; K problems in a row."""
-
-    def __init__(self, d, s):
-        self.d, self.s = d, s
-        first, b1, b2 = self.s[:, 0], self.s[:, 1] - self.s[:, 0], self.s[:, 2] - self.s[:, 0]
-        c1, c2, c3 = _cross(b2, first), _cross(first, b1), _cross(b1, b2)
-        volume = _dot(b1, c1)
-        too_flat = np.abs(volume) < _FLAT * np.sqrt(_dot(b1, b1) * _dot(b2, b2) * _dot(first, first))
-        volume = np.where(too_flat | np.any(np.abs(self.d) >= np.sqrt(np.stack([_dot(b1, b1), _dot(b2, b2)])), axis=0), np.nan, volume)
-        self.normal, square = c3 / volume, _dot(first, first)
-        k1, k2 = (0.5 * (_dot(b, self.s[:, i] + first) - di**2) for i, b, di in ((1, b1, self.d[0]), (2, b2, self.d[1])))
-        self.P0 = (k1 * c1 + k2 * c2) / volume + 0.5 * square * self.normal  # without R²
-        self.P1 = -(self.d[0] * c1 + self.d[1] * c2) / volume
-        self.P2 = -0.5 * self.normal
-
-    def roots(self, near=False):
-        """The real roots r (J,) with the sphere of the radius under S0, and whose they are and which of the four (J,).
-
-        With `near` only those that may turn out to be in sight. A problem that has one, as most do, is solved without the other three.
-        """
-        R = _radius(self.s[:, 0])
-        P0, P1, P2 = self.P0 + 0.5 * R**2 * self.normal, self.P1, self.P2
-        quartic = np.stack([_dot(P0, P0) - R**2, 2 * _dot(P0, P1), _dot(P1, P1) + 2 * _dot(P0, P2), 2 * _dot(P1, P2), _dot(P2, P2)])
-        quartic *= _UNIT ** np.arange(5.0)[:, None]
-        good = np.flatnonzero(np.isfinite(quartic).all(axis=0))
-        if not near:
-            r, which, column = real_roots(quartic[:, good])
-            return r * _UNIT, good[which], column
-        reach = _REACH * np.sqrt(np.maximum(_dot(self.s[:, 0], self.s[:, 0]) - _AXES[2] ** 2, 0)) / _UNIT
-        scaled = quartic[:, good] * reach[good] ** np.arange(5.0)[:, None]  # the roots in sight are in (0, 1)
-        r, which, column = roots_up_to_one(scaled)
-        return r * reach[good[which]] * _UNIT, good[which], column
-
-    def to_local_radius(self, r, where):
-        """Points (3, J) and their r with R of each point, by Newton's iteration on |p(r)|² = R²."""
-        P0, P1, P2, normal = (part[:, where] for part in (self.P0, self.P1, self.P2, self.normal))
-        R = _radius(self.s[:, 0, where])
-        for _ in range(3):  # the radius changes by 0.3 % of a way at most, so each takes off two digits or more
-            p = P0 + 0.5 * R**2 * normal + (P1 + P2 * r) * r
-            R = _radius(p)
-            p = P0 + 0.5 * R**2 * normal + (P1 + P2 * r) * r
-            r = r - 0.5 * (_dot(p, p) - R**2) / _dot(p, P1 + 2 * P2 * r)
-        return P0 + 0.5 * R**2 * normal + (P1 + P2 * r) * r, r
+        return inverse(np.einsum("ki...,kj...->ij...", H, np.tensordot(W, H, 1)))
 
 
 def _arguments(d, satellites):
@@ -214,7 +149,7 @@ def _arguments(d, satellites):
         raise ValueError(f"satellites: expected three, shape (3, 3), got {s.shape}")
     if s.ndim == 2:
         b1, b2, first = s[:, 1] - s[:, 0], s[:, 2] - s[:, 0], s[:, 0]
-        if abs(np.cross(b1, b2) @ first) < _FLAT * np.linalg.norm(b1) * np.linalg.norm(b2) * np.linalg.norm(first):
+        if abs(np.cross(b1, b2) @ first) < FLAT * np.linalg.norm(b1) * np.linalg.norm(b2) * np.linalg.norm(first):
             raise ValueError("satellites: expected a formation that is in no plane with the Earth's centre, got a collinear or a flat one")
     return d, s
 
@@ -230,41 +165,8 @@ def _refuse(d, s, count, near):
         raise ValueError(f"d: all satellites see {count} points with the range differences {d}; tell by near= which one is meant")
 
 
-def _radius(p):
-    """The Earth's radius, m, in the direction of p (3, ...)."""
-    across, along = p[0] * p[0] + p[1] * p[1], p[2] * p[2]
-    return np.sqrt((across + along) / (across / Ellipsoid.a**2 + along / Ellipsoid.b**2))
-
-
 def _seen(p, s):
     """Whether all satellites s (3, S, ...) are above the horizon of p (3, ...)."""
-    normal = p / _column(_AXES**2, p)
-    above = [_dot([sk - pk for sk, pk in zip(s[:, i], p, strict=True)], normal) > 0 for i in range(s.shape[1])]
+    normal = [pk / square for pk, square in zip(p, SQUARES, strict=True)]
+    above = [dot([sk - pk for sk, pk in zip(s[:, i], p, strict=True)], normal) > 0 for i in range(s.shape[1])]
     return np.all(np.broadcast_arrays(*above), axis=0)
-
-
-def _polished(p, d, s):
-    """Newton's iteration for p (3, J) on d_1, d_2 and the ellipsoid; NaN where it does not end there (two roots that nearly meet at the horizon)."""
-    for _ in range(4):
-        g1, g2 = difference_gradients(p, s)
-        normal = p / _column(_AXES**2, p)
-        e1, e2 = d - range_differences(p, s)
-        e3 = 0.5 * (1 - _dot(p, normal))
-        c1, c2, c3 = _cross(g2, normal), _cross(normal, g1), _cross(g1, g2)
-        step = (e1 * c1 + e2 * c2 + e3 * c3) / _dot(g1, c1)
-        p = p + step
-        if not np.any(_dot(step, step) > 1e-8):  # 0.1 mm: the next one is below rounding
-            break
-    return np.where(_dot(step, step) < 1e-6, p, np.nan)
-
-
-def _dot(a, b):
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-
-
-def _cross(a, b):
-    return np.stack([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
-
-
-def _column(values, p):
-    return values.reshape(3, *[1] * (p.ndim - 1))

@@ -53,29 +53,10 @@ def _normalised(model, rows):
     return rows
 
 
-def _corrected(sensor, model, x, P, z, R):
+def _corrected(sensor, model, x, P, z, R, iterations=1):
     """x, P, y, S and K after the measurement z."""
-    seen, H = sensor._hooks(x)
-    y = [wrap(z[a] - row) if a in sensor.angles else z[a] - row for a, row in enumerate(seen)]
-    K, S, P = symbolic.corrected(P, H, R)
-    return _normalised(model, [x[i] + symbolic.dot(K[i], y) for i in range(model.n)]), P, y, S, K
-
-
-def _iterated(sensor, model, own_noise, iterations):
-    """x, P, y, S and K after a measurement, linearised again where each of some iterations has led."""
-    n, m = model.n, sensor.m
-    R = _own_noise(sensor) if own_noise else loads(3, m, m)
-    x, P, z, step = loads(0, n), loads(1, n, n), loads(2, m), None
-    for _ in range(iterations):
-        seen, H = sensor._hooks(x if step is None else symbolic.Vector(a + b for a, b in zip(x, step, strict=True)))
-        K, S, posterior = symbolic.corrected(P, H, R)
-        y = [wrap(z[a] - row) if a in sensor.angles else z[a] - row for a, row in enumerate(seen)]
-        if step is not None:  # of the sensor linearised there: z − h(xᵢ) − Hᵢ (x⁻ − xᵢ)
-            for (a, j), value in H.items():
-                y[a] = y[a] + value * step[j]
-        step = [symbolic.dot(row, y) for row in K]
-    x = _normalised(model, [a + b for a, b in zip(x, step, strict=True)])
-    return [((n,), x), ((n, n), flat(posterior)), ((m,), y), ((m, m), flat(S)), ((n, m), flat(K))]
+    step, P, y, S, K = symbolic.iterated(sensor._hooks, sensor.angles, x, P, z, R, iterations)
+    return _normalised(model, [a + b for a, b in zip(x, step, strict=True)]), P, y, S, K
 
 
 def _own_noise(sensor):
@@ -93,10 +74,10 @@ def _prediction(model, dt):
     return [((n,), x), ((n, n), flat(P))]
 
 
-def _update(sensor, model, own_noise):
+def _update(sensor, model, own_noise, iterations):
     n, m = model.n, sensor.m
     R = _own_noise(sensor) if own_noise else loads(3, m, m)
-    x, P, y, S, K = _corrected(sensor, model, loads(0, n), loads(1, n, n), loads(2, m), R)
+    x, P, y, S, K = _corrected(sensor, model, loads(0, n), loads(1, n, n), loads(2, m), R, iterations)
     return [((n,), x), ((n, n), flat(P)), ((m,), y), ((m, m), flat(S)), ((n, m), flat(K))]
 
 
@@ -129,10 +110,7 @@ def predict(model, x, P, dt):
 
 def update(sensor, model, x, P, z, R, iterations=1):
     """x, P, y, S and K of an EKF's update; None as for `predict`, and for a sensor that changes with time or from run to run in a way that it does not tell."""
-    if iterations > MOST_ITERATIONS:
-        return None
-    build, more = (_update, ()) if iterations == 1 else (_iterated, (iterations,))
-    return corrected(build, more, sensor, model, x, P, z, R)
+    return corrected(_update, (iterations,), sensor, model, x, P, z, R) if iterations <= MOST_ITERATIONS else None
 
 
 def corrected(build, more, sensor, model, x, P, z, R):

@@ -1,6 +1,6 @@
 """The covariance algebra of `trackhelpers.ensemble.covariance` and `trackhelpers.arrays` once more, on matrices that are lists of rows of symbols: what `trackhelpers.fused` compiles."""
 
-from trackhelpers.symbols import Symbol, choose, number
+from trackhelpers.symbols import Symbol, choose, number, wrap
 
 
 def propagated(P, difference, noise):
@@ -48,6 +48,20 @@ def gain(PHt, S):
             for b in range(a + 1, m):
                 k[a] = k[a] - L[b][a] * k[b]
     return K
+
+
+def iterated(hooks, angles, x, P, z, R, iterations=1):
+    """How far x moves by the measurement z, and P, y, S and K; hooks(x) are the rows of h and the entries of H, taken again where each iteration but the last has led."""
+    step = None
+    for _ in range(iterations):
+        seen, H = hooks(x if step is None else Vector(a + b for a, b in zip(x, step, strict=True)))
+        K, S, posterior = corrected(P, H, R)
+        y = [wrap(z[a] - row) if a in angles else z[a] - row for a, row in enumerate(seen)]
+        if step is not None:  # of the sensor linearised there: z − h(xᵢ) − Hᵢ (x⁻ − xᵢ)
+            for (a, j), value in H.items():
+                y[a] = y[a] + value * step[j]
+        step = [dot(row, y) for row in K]
+    return step, posterior, y, S, K
 
 
 def mahalanobis(y, S):

@@ -161,3 +161,11 @@ def test_cramer_rao_names_the_matrix_and_its_step(changed, message):
 def test_bad_input_is_named(call, name):
     with pytest.raises(ValueError, match=name):
         call()
+
+
+def test_matrices_that_change_and_come_back_along_a_track_are_each_taken():
+    F, G = np.eye(2), np.array([[1.0, 0.5], [0.0, 1.0]])
+    Q, R, other, H = 0.1 * np.eye(2), np.eye(1), 9.0 * np.eye(1), np.array([[1.0, 0.0]])
+    Fs, Hs, Rs = [F, G, G, F, F], [H, None, H, H, None], [R, other, other, R, other]
+    copies = [[np.array(each) if each is not None else None for each in given] for given in (Fs, [Q] * 5, Hs, Rs)]
+    np.testing.assert_array_equal(cramer_rao(Fs, [Q] * 5, Hs, Rs, np.eye(2)), cramer_rao(*copies, np.eye(2)))

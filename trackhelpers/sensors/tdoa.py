@@ -6,7 +6,9 @@ from math import sqrt
 import numpy as np
 
 from trackhelpers.arrays import check_array
-from trackhelpers.charts import Ellipsoid, LocalENU, Plane, check_chart
+from trackhelpers.chart_rows import rows as rows_of
+from trackhelpers.chart_rows import slopes, traceable
+from trackhelpers.charts import Ellipsoid, LocalENU, check_chart
 from trackhelpers.checks import check_mask, check_numbers
 from trackhelpers.sensors.base import Sensor, check_time
 from trackhelpers.symbols import Symbol
@@ -37,8 +39,18 @@ def difference_gradients(position, satellites):
 
     With û the unit vectors from the satellites to the emitter it is (b − d_i û_0)/r_i, without cancellation.
     """
+    return differences_and_gradients(position, satellites)[1]
+
+
+def differences_and_gradients(position, satellites):
+    """`range_differences` and `difference_gradients` in one go."""
     u, r0, rows = _rows(position, satellites)
-    return np.stack([np.stack([(bk - d / r0 * uk) / r for bk, uk in zip(b, u, strict=True)]) for b, r, d in rows])
+    gradients = np.empty((len(rows), 3, *r0.shape))
+    for slope, (b, r, d) in zip(gradients, rows, strict=True):
+        ratio = d / r0
+        for k in range(3):
+            slope[k] = (b[k] - ratio * u[k]) / r
+    return np.stack([d for _, _, d in rows]), gradients
 
 
 class _Kind:
@@ -114,7 +126,7 @@ class StationDifferences(Sensor):
         return self.with_chart(self.chart.with_sign(sign[check_mask(mask, "mask", len(sign))])) if np.ndim(sign) else self
 
     def moving(self):
-        """How `trackhelpers.fused` takes the sensor, which is traced once for all times; None for other charts than those of `trackhelpers.charts`, and without a time.
+        """How `trackhelpers.fused` takes the sensor, which is traced once for all times; None for other charts than those of `trackhelpers.charts`, for a subclass with another `at`, and without a time.
 
         Returns
         -------
@@ -128,7 +140,7 @@ class StationDifferences(Sensor):
             ``on_symbols(k)`` is the sensor with symbols in the place of what is given, and of the signs as the array with the number k.
         """
         chart, kind = self.chart, type(self.chart)
-        if self._stations is None or kind not in (Plane, Ellipsoid, LocalENU):
+        if self._stations is None or not traceable(chart) or type(self).at is not StationDifferences.at:
             return None
         if self._numbers is None:
             first, baselines = self._stations[:2]
@@ -171,16 +183,10 @@ class StationDifferences(Sensor):
             raise ValueError(f"{type(self).__name__}: the satellites move: ask for the sensor of an instant, .at(t)")
         first, baselines = self._stations[:2]
         q, single = [x[i] for i in self._place], x.ndim == 1
-        p = self.chart.position(np.stack(q)).tolist() if single else self.chart.rows(q)
+        p = self.chart.position(np.stack(q)).tolist() if single else rows_of(self.chart, q)
         u = [row - s for row, s in zip(p, first, strict=True)]
-        root = sqrt if single else np.sqrt
-        square = u[0] * u[0] + u[1] * u[1] + u[2] * u[2]
-        r0, rows = root(square), []
-        for i, (b, bb) in zip(self._taken, baselines, strict=True):
-            c = _excess(u, b, bb)
-            r = root(square + c)
-            rows.append((i, b, r, c / (r + r0)))
-        return q, u, r0, rows
+        r0, rows = ranges(u, baselines, sqrt if single else np.sqrt)
+        return q, u, r0, [(i, b, r, d) for i, (b, _), (r, d) in zip(self._taken, baselines, rows, strict=True)]
 
 
 class TDOA(StationDifferences):
@@ -208,7 +214,7 @@ class TDOA(StationDifferences):
 
     def _H(self, x, parts):
         q, u, r0, rows = parts
-        J = self.chart.jacobian(np.stack(q)).tolist() if x.ndim == 1 else self.chart.slopes(q)
+        J = self.chart.jacobian(np.stack(q)).tolist() if x.ndim == 1 else slopes(self.chart, q)
         entries = {}
         for i, b, r, d in rows:
             ratio = d / r0
@@ -237,6 +243,17 @@ def _rows(position, satellites):
         r = np.sqrt(r0 * r0 + c)
         rows.append((b, r, c / (r + r0)))
     return u, r0, rows
+
+
+def ranges(u, baselines, root=np.sqrt):
+    """r_0, and r_i and d_i for each s_0 − s_i, which comes with its square, of an emitter u from s_0: by rows, of numbers, arrays or symbols."""
+    square = u[0] * u[0] + u[1] * u[1] + u[2] * u[2]
+    r0, rows = root(square), []
+    for b, bb in baselines:
+        c = _excess(u, b, bb)
+        r = root(square + c)
+        rows.append((r, c / (r + r0)))
+    return r0, rows
 
 
 def _excess(u, b, bb):
