@@ -1,5 +1,6 @@
 """The loop that everybody writes: predict, take the sensor's measurement, correct, keep what it gave; and the smoother that goes back over it."""
 
+from functools import lru_cache
 from inspect import signature
 from typing import NamedTuple
 
@@ -191,8 +192,10 @@ def smooth(history):
         )
     steps, wrap = history._steps, history.filter._angles
     xs, Ps = [steps[-1].x], [steps[-1].P]
-    for now, ahead in zip(reversed(steps[:-1]), reversed(steps[1:]), strict=True):
-        G = divide(ahead.cross, ahead.P_prior)
+    if len(steps) > 1:
+        gains = divide(np.stack([step.cross for step in steps[1:]], axis=-1), np.stack([step.P_prior for step in steps[1:]], axis=-1))
+    for k in range(len(steps) - 2, -1, -1):
+        now, ahead, G = steps[k], steps[k + 1], gains[..., k]
         xs.append(_angles.wrap_components(now.x + G @ _angles.residual(xs[-1], ahead.x_prior, wrap), wrap))
         P = now.P + G @ (Ps[-1] - ahead.P_prior) @ G.T
         Ps.append((P + P.T) / 2)
@@ -204,13 +207,19 @@ def _update_within(kf, z, gate, arguments):
     bank = getattr(kf, "filters", ())
     before = [(each, each.__dict__.copy()) for each in (kf, *bank)]  # updates put new arrays in the place of old ones
     kf.update(z, **arguments)
-    if min(each.mahalanobis**2 for each in bank or (kf,)) <= chi2.ppf(gate, len(z)):
+    if min(each.mahalanobis**2 for each in bank or (kf,)) <= _quantile(gate, len(z)):
         return True
     for each, attributes in before:
         each.__dict__.clear()
         each.__dict__.update(attributes)
     kf.update(None, **arguments)
     return False
+
+
+@lru_cache
+def _quantile(probability, m):
+    """Of chi-square with m degrees of freedom; SciPy takes longer for it than a filter for its step."""
+    return chi2.ppf(probability, m)
 
 
 def _of_step(message, k):
