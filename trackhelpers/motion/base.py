@@ -108,9 +108,10 @@ class MotionModel(Model):
         for sigma, driven in zip(self.sigmas, self.white, strict=True):
             response = {driven: 1.0} | {i: value for (i, j), value in transition.items() if j == driven}
             for i, a in response.items():
+                weighted = weights * a
                 for j, b in response.items():
                     if j <= i:
-                        total = sigma**2 * np.sum(weights * a * b, axis=0)
+                        total = sigma**2 * np.add.reduce(weighted * b)
                         noise[i, j] = noise.get((i, j), 0.0) + (total.item() if total.size == 1 else total)
         return noise
 
