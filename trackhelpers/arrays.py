@@ -112,15 +112,20 @@ def inverse(P):
 
 
 def divide(A, P):
-    """A P⁻¹ for A (m, n) and a covariance P (n, n), its pseudo-inverse where it is singular; decided on the correlations, so that no unit decides it."""
+    """A P⁻¹ for A (m, n, ...) and covariances P (n, n, ...), their pseudo-inverse where they are singular; decided on the correlations, so that no unit decides it."""
     P = check_numbers(P, "P")
-    A = check_matrix(A, "A", (None, len(P) if P.ndim else 0))
-    P = check_matrix(P, "P", (len(P), len(P)))
-    if (P.diagonal() < 0).any():
-        raise ValueError(f"P: expected a covariance, got a variance of {P.diagonal().min():.3g}")
-    scale = np.sqrt(np.diag(P))
+    A = check_matrix(A, "A", (None, len(P) if P.ndim else 0, *P.shape[2:]))
+    P = check_matrix(P, "P", (len(P), len(P), *P.shape[2:]))
+    if P.ndim > 2:
+        A, P = (np.moveaxis(matrix, (0, 1), (-2, -1)) for matrix in (A, P))
+    variances = np.diagonal(P, axis1=-2, axis2=-1)
+    if (variances < 0).any():
+        raise ValueError(f"P: expected a covariance, got a variance of {variances.min():.3g}")
+    scale = np.sqrt(variances)[..., None, :]
     scale[scale == 0] = 1.0
-    return (A / scale) @ np.linalg.pinv(P / np.outer(scale, scale), rcond=1e-14, hermitian=True) / scale
+    inverse = np.linalg.pinv(P / (np.swapaxes(scale, -1, -2) * scale), rcond=1e-14, hermitian=True)
+    quotient = (A / scale) @ inverse / scale
+    return quotient if quotient.ndim == 2 else np.moveaxis(quotient, (-2, -1), (0, 1))
 
 
 def eliminate(S, below):

@@ -1,5 +1,6 @@
 """The loop that everybody writes: predict, take the sensor's measurement, correct, keep what it gave."""
 
+from functools import lru_cache
 from inspect import signature
 
 import numpy as np
@@ -147,13 +148,19 @@ def _update_within(kf, z, gate, arguments):
     bank = getattr(kf, "filters", ())
     before = [(each, each.__dict__.copy()) for each in (kf, *bank)]  # updates put new arrays in the place of old ones
     kf.update(z, **arguments)
-    if min(each.mahalanobis**2 for each in bank or (kf,)) <= chi2.ppf(gate, len(z)):
+    if min(each.mahalanobis**2 for each in bank or (kf,)) <= _quantile(gate, len(z)):
         return True
     for each, attributes in before:
         each.__dict__.clear()
         each.__dict__.update(attributes)
     kf.update(None, **arguments)
     return False
+
+
+@lru_cache
+def _quantile(probability, m):
+    """Of chi-square with m degrees of freedom; SciPy takes longer for it than a filter for its step."""
+    return chi2.ppf(probability, m)
 
 
 def _of_step(message, k):

@@ -66,18 +66,18 @@ def central_differences(function, x, angles=()):
     x = np.asarray(x, dtype=float)
     n = len(x)
     steps = _STEP * np.maximum(np.abs(x), 1)
-    points = np.repeat(x[:, None], 2 * n, axis=1)
+    points, upper, lower = np.repeat(x[:, None], 2 * n, axis=1), x + steps, x - steps
     for j in range(n):
-        points[j, j] += steps[j]
-        points[j, n + j] -= steps[j]
-    width = np.stack([points[j, j] - points[j, n + j] for j in range(n)])  # what was stepped indeed, after rounding
+        points[j, j], points[j, n + j] = upper[j], lower[j]
+    width = upper - lower  # what was stepped indeed, after rounding
     entries = {}
     for i, row in enumerate(function(points)):
         row = np.broadcast_to(np.asarray(row, dtype=float), points.shape[1:])
         difference = row[:n] - row[n:]
         if i in angles:
             wrap_rows(difference[None], (0,))
-        entries |= {(i, j): difference[j] / width[j] for j in range(n)}
+        difference = difference / width
+        entries |= {(i, j): difference[j] for j in range(n)}
     return entries
 
 

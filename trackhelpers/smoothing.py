@@ -59,8 +59,10 @@ def smooth(history):
         )
     steps, wrap = history._steps, history.filter._angles
     xs, Ps = [steps[-1].x], [steps[-1].P]
-    for now, ahead in zip(reversed(steps[:-1]), reversed(steps[1:]), strict=True):
-        G = divide(ahead.cross, ahead.P_prior)
+    if len(steps) > 1:
+        gains = divide(np.stack([step.cross for step in steps[1:]], axis=-1), np.stack([step.P_prior for step in steps[1:]], axis=-1))
+    for k in range(len(steps) - 2, -1, -1):
+        now, ahead, G = steps[k], steps[k + 1], gains[..., k]
         xs.append(_angles.wrap_components(now.x + G @ _angles.residual(xs[-1], ahead.x_prior, wrap), wrap))
         P = now.P + G @ (Ps[-1] - ahead.P_prior) @ G.T
         Ps.append((P + P.T) / 2)

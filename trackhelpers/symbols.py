@@ -175,7 +175,9 @@ def _multiply(a, b):
 
 def _divide(a, b):
     a, b = number(a), number(b)
-    return a if _is(b, 1.0) or (_is(a, 0.0) and b.op != "number") else a * (1.0 / b.args[0]) if b.op == "number" else Symbol("fdiv", a, b)
+    if _is(b, 1.0) or (_is(a, 0.0) and b.op != "number"):
+        return a
+    return a * (1.0 / b.args[0]) if b.op == "number" and b.args[0] else Symbol("fdiv", a, b)
 
 
 def choose(condition, a, b):
@@ -244,6 +246,7 @@ _UFUNCS = {"add": _add, "subtract": lambda a, b: _add(a, b, "fsub"), "multiply":
 _UFUNCS |= {"sin": lambda a: cos_sin(a)[1], "cos": lambda a: cos_sin(a)[0], "tan": _tan, "arctan2": _arctan2, "sqrt": _sqrt}
 _UFUNCS |= {"absolute": abs, "square": lambda a: a * a, "hypot": lambda a, b: _sqrt(a * a + b * b), "power": lambda a, b: a**b}
 _UFUNCS |= {"less": lambda a, b: number(a) < b, "less_equal": lambda a, b: number(a) <= b, "equal": lambda a, b: number(a) == b}
+_UFUNCS |= {"maximum": lambda a, b: choose(number(a) < b, b, a), "minimum": lambda a, b: choose(number(b) < a, b, a)}
 _UFUNCS |= {"greater": lambda a, b: number(a) > b, "greater_equal": lambda a, b: number(a) >= b}
 # What holds for all runs is not known: the general branch is taken.
 _FUNCTIONS = {"all": lambda a: False, "any": lambda a: True, "where": choose, "shape": lambda a: (1,), "ndim": lambda a: 1}

@@ -75,6 +75,9 @@ def test_factors_and_quotients_are_those_of_any_scale(stack, scale):
     P, rows = scale * stack[0], scale * stack[1]
     A = np.random.default_rng(5).normal(size=(3, 4))
     np.testing.assert_allclose(arrays.divide(A, rows[0]) @ rows[0], A)
+    many = arrays.divide(np.repeat(A[..., None], len(rows), axis=2), P)
+    for k, each in enumerate(rows):
+        np.testing.assert_allclose(many[..., k], arrays.divide(A, each), rtol=1e-10)
     factors, D = arrays.eliminate(P, np.ones((1, 4, 5)))
     np.testing.assert_allclose(np.prod(D, axis=0), np.linalg.det(rows))
     assert np.isfinite(factors).all()

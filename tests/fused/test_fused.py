@@ -24,11 +24,15 @@ TURNING = {
     "CCA": lambda **more: CCA(0.3, 0.01, **more),
 }
 TRACED = {name: make() for name, make in TURNING.items()}
-TRACED |= {"CTRV, exact": TURNING["CTRV"](noise="exact"), "CTRA, exact": TURNING["CTRA"](noise="exact")}
+TRACED |= {
+    "CTRV, continuous": TURNING["CTRV"](noise="continuous"),
+    "CTRV, exact": TURNING["CTRV"](noise="exact"),
+    "CTRA, exact": TURNING["CTRA"](noise="exact"),
+}
 TRACED |= {"CTRV, constant Q": TURNING["CTRV"](Q=np.diag([1e-4, 1e-4, 0.01, 1e-4, 1e-4]))}
 TRACED |= {"CV": CV(0.5), "CA": CA(0.5), "PolarCV": PolarCV(0.5, 0.2), "PolarCA": PolarCA(0.5, 0.2), "Singer": Singer(1.0, 20.0)}
 TRACED |= {"given": LinearModel(CV(0.5).F(np.zeros(4), 0.1), CV(0.5).Q(np.zeros(4), 0.1), 0.1, CV(0.5).state)}
-LEFT = {"CTRV, continuous": TURNING["CTRV"](noise="continuous"), "CSAV, exact": TURNING["CSAV"](noise="exact")}
+LEFT = {"CSAV, exact": TURNING["CSAV"](noise="exact")}
 R = np.array([[0.09, 0.001, 0.01], [0.001, 0.0009, 0.0], [0.01, 0.0, 0.09]])
 
 

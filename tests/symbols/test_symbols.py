@@ -46,6 +46,7 @@ CASES = {
     "powers": lambda a, b: a**3 - b**2 + a**1,
     "roots": lambda a, b: np.sqrt(a * a + b * b) - np.hypot(a, 2 * b) + np.abs(b) + abs(a),
     "choices": lambda a, b: np.where(a > b, a, np.where(b >= 1, 1.0, b)) + np.where(a == a, 0.5, a),
+    "extremes": lambda a, b: np.maximum(a, 0.5) + np.minimum(a, b),
     "where": lambda a, b: np.divide(a, b, out=np.ones_like(b), where=b > 1),
     "complex": lambda a, b: ((1j * a + b) * (2 - 3j) * (a * (0.5 + 1j))).real,
     "nought": lambda a, b: 0 * a + 0.0 * b + a - 0 + (1 * b),

@@ -95,7 +95,7 @@ class EnsembleMotionIMM:
 def mixed(weights, moments, angular=()):
     """Mean (n, M) and covariance (n, n, M) of a mixture: weights (N, M), and N pairs of a mean and a covariance; the components in `angular` the short way round."""
     centre = moments[0][0]
-    apart = np.array([angles.residual(x, centre, angular) for x, _ in moments])
+    apart = np.array([np.zeros_like(centre), *(angles.residual(x, centre, angular) for x, _ in moments[1:])])
     mean = np.einsum("km,knm->nm", weights, apart)
     apart -= mean
     P = sum(w * P for w, (_, P) in zip(weights, moments, strict=True)) + np.einsum("km,kim,kjm->ijm", weights, apart, apart)

@@ -167,6 +167,7 @@ class _Mapped:
 
     def __init__(self, pair):
         self._to, self._back = pair
+        self._latest = None, None  # a state, and the Jacobian there: the mixture, the next mixing and what it puts back ask for the same
 
     def moments(self, kf):
         J = self._jacobian(kf)
@@ -180,8 +181,11 @@ class _Mapped:
         kf.P = (kf.P + kf.P.T) / 2
 
     def _jacobian(self, kf):
-        entries = central_differences(self._to, kf.x)
-        J = np.zeros((1 + max(i for i, _ in entries), kf.model.n))
-        for place, value in entries.items():
-            J[place] = value
-        return J
+        key = kf.x.tobytes()
+        if self._latest[0] != key:
+            entries = central_differences(self._to, kf.x)
+            J = np.zeros((1 + max(i for i, _ in entries), kf.model.n))
+            for place, value in entries.items():
+                J[place] = value
+            self._latest = key, J
+        return self._latest[1]

@@ -7,6 +7,7 @@ from trackhelpers.arrays import check_array
 from trackhelpers.checks import check_choice, check_together
 from trackhelpers.hooks import applied
 from trackhelpers.model import Model
+from trackhelpers.symbols import Symbol
 
 NOISES = ("straight", "exact", "continuous")
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(24)
@@ -95,6 +96,8 @@ class MotionModel(Model):
 
     def _continuous(self, x, dt):
         """Entries of ∫₀^dt Φ(t) diag(σ²) Φ(t)ᵀ dt, Φ(t) the columns of the transition from time t to the end that belong to the driven components."""
+        if isinstance(x[0], Symbol):
+            return self._continuous_of_symbols(x, dt)
         x = np.asarray(x, dtype=float)[:, None]
         column = (-1, *[1] * (x.ndim - 2))
         t, weights = (0.5 * dt * (1 + _NODES)).reshape(column), (0.5 * dt * _WEIGHTS).reshape(column)
@@ -105,10 +108,26 @@ class MotionModel(Model):
         for sigma, driven in zip(self.sigmas, self.white, strict=True):
             response = {driven: 1.0} | {i: value for (i, j), value in transition.items() if j == driven}
             for i, a in response.items():
+                weighted = weights * a
                 for j, b in response.items():
                     if j <= i:
-                        total = sigma**2 * np.sum(weights * a * b, axis=0)
+                        total = sigma**2 * np.add.reduce(weighted * b)
                         noise[i, j] = noise.get((i, j), 0.0) + (total.item() if total.size == 1 else total)
+        return noise
+
+    def _continuous_of_symbols(self, x, dt):
+        """`_continuous` written out, node after node."""
+        noise = {}
+        for node, weight in zip(_NODES.tolist(), _WEIGHTS.tolist(), strict=True):
+            t, rest = (0.5 * (1 + node)) * dt, (0.5 * (1 - node)) * dt
+            path = list(self._f(x, t, self._parts(x, t, 0)))
+            transition = self._F(path, rest, self._parts(path, rest, 1))
+            for sigma, driven in zip(self.sigmas, self.white, strict=True):
+                response = {driven: 1.0} | {i: value for (i, j), value in transition.items() if j == driven}
+                for i, a in response.items():
+                    for j, b in response.items():
+                        if j <= i:
+                            noise[i, j] = noise.get((i, j), 0.0) + (0.5 * weight * sigma**2) * dt * (a * b)
         return noise
 
     def _G_exact(self, x, dt, parts):
