@@ -68,7 +68,7 @@ def _update(n, m, weights):
     S = [[R[a][b] + apart[a][0] * apart[b][0] * first + _dot(apart[a][1:], apart[b][1:]) * other for b in range(a + 1)] for a in range(m)]
     # of the points' distances from x one is zero, and the others are pairs ±
     pairs = [[row[1 + j] - row[1 + n + j] for j in range(n)] for row in from_first]
-    cross = [[_dot(root[i][: i + 1], pairs[a][: i + 1]) * other for a in range(m)] for i in range(n)]
+    cross = [[_dot(root[i], pairs[a]) * other for a in range(m)] for i in range(n)]  # the root of a semidefinite P is not triangular
     K = _gain(cross, S)
     posterior = [[P[i][j] - _dot(K[i], cross[j]) for j in range(i + 1)] for i in range(n)]
     return Kernel([((m,), mean), ((m, m), _flat(_mirrored(S))), ((n, m), _flat(K)), ((n, n), _flat(_mirrored(posterior)))])
