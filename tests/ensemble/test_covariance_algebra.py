@@ -200,7 +200,7 @@ def test_the_part_of_some_runs_is_everyones_where_all_share_it():
 def test_runs_are_on_the_last_axis(value):
     with pytest.raises(ValueError, match=r"^x0: expected shape \(3, M\), runs on the last axis, got"):
         check_runs(value, "x0", 3)
-    with pytest.raises(ValueError, match="^x0: expected finite numbers, got 2 that are not"):
+    with pytest.raises(ValueError, match=r"^x0: expected finite numbers, got 2 that are not"):
         check_runs([[0, np.nan], [0, np.inf], [1, 2]], "x0", 3)
     assert check_runs([[1], [2], [3]], "x0", 3).shape == (3, 1)
 
@@ -217,7 +217,7 @@ def test_what_a_caller_holds_is_his_own_and_rows_may_be_one():
     assert np.array_equal(ens.matrices.F, F) and np.array_equal(ens.matrices.H, H[:1]) and np.array_equal(ens.x, np.ones((3, M)))
     assert ens.m == 1 and ens.y.shape == (0, M) and ens.S.shape == (0, 0, M) and ens.K.shape == (3, 0, M) and ens.P.shape == (3, 3, M)
     for empty in ({"F": np.zeros((0, 0))}, {"H": np.zeros((0, 3))}):
-        with pytest.raises(ValueError, match="^F, H: expected a state and a measurement of one component or more"):
+        with pytest.raises(ValueError, match=r"^F, H: expected a state and a measurement of one component or more"):
             filtered(**empty)
 
 
@@ -239,11 +239,11 @@ def test_masks_noise_and_common_measurements_of_constant_matrices():
         np.testing.assert_allclose(part.x[:, 2], F @ np.ones(3))
         assert part._steps.tolist() == [0, 0, 1, 0]
     for wrong in (z[:, 0], z[:, :3], np.zeros((2, M, 1))):
-        with pytest.raises(ValueError, match="^z: expected shape"):
+        with pytest.raises(ValueError, match=r"^z: expected shape"):
             whole.update(wrong)
     indefinite = np.where(mask, own, -1.0)
     part.update(z, R=indefinite, mask=mask)  # nobody looks at what the mask leaves out
-    with pytest.raises(ValueError, match="^R: expected a positive semidefinite"):
+    with pytest.raises(ValueError, match=r"^R: expected a positive semidefinite"):
         part.update(z, R=indefinite)
     truth = np.arange(3.0)
     expected = [(truth - part.x[:, r]) @ np.linalg.solve(part.P[..., r], truth - part.x[:, r]) for r in range(M)]

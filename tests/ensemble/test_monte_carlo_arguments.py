@@ -36,13 +36,13 @@ def test_a_seed_is_a_whole_number_or_a_sequence(seed):
 
 @pytest.mark.parametrize("seed", [True, -1, "1", 2.0, np.timedelta64(3)])
 def test_other_seeds_are_refused(seed):
-    with pytest.raises(ValueError, match="^seed: expected a whole number ≥ 0 or a SeedSequence"):
+    with pytest.raises(ValueError, match=r"^seed: expected a whole number ≥ 0 or a SeedSequence"):
         monte_carlo(normals, 1, seed)
 
 
 @pytest.mark.parametrize("n_jobs", [0, True, False, 1.0, "1", sys.maxsize, -sys.maxsize])
 def test_a_number_of_processes_is_a_whole_number_other_than_nought(n_jobs):
-    with pytest.raises(ValueError, match="^n_jobs: expected a whole number other than 0, or None"):
+    with pytest.raises(ValueError, match=r"^n_jobs: expected a whole number other than 0, or None"):
         monte_carlo(normals, 1, 0, n_jobs=n_jobs)
 
 
