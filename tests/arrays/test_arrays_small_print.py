@@ -5,7 +5,7 @@ import sys
 import numpy as np
 import pytest
 
-from trackhelpers import arrays, checks
+from trackhelpers import arrays, checks, fused
 
 RNG = np.random.default_rng(0)
 
@@ -251,3 +251,15 @@ def test_lengths_and_names_that_fit():
         and checks.check_angles(iter([1, 0]), 2) == (1, 0)
         and checks.check_angles((np.int64(1),), 2) == (1,)
     )
+
+
+def test_scores_without_a_compiler_are_the_same(monkeypatch):
+    A, y = RNG.standard_normal((3, 3, 5)), RNG.standard_normal((3, 5))
+    S = np.einsum("ikm,jkm->ijm", A, A) + np.eye(3)[..., None]
+    S[1, 1, 2] = -9.0
+    compiled = arrays.mahalanobis(y, S)
+    monkeypatch.setattr(fused, "binding", None)
+    plain = arrays.mahalanobis(y, S)
+    np.testing.assert_allclose(plain, compiled)
+    assert np.isnan(plain).tolist() == [False, False, True, False, False]
+    np.testing.assert_allclose(plain[4], y[:, 4] @ np.linalg.solve(S[..., 4], y[:, 4]))

@@ -73,7 +73,7 @@ def test_signs_of_the_ellipsoid():
     assert one.sign.shape == () and one.sign == -1 and many.sign.tolist() == [1, -1] and Ellipsoid().sign == 1
     assert isinstance(one.with_sign(1), Ellipsoid) and one.with_sign([1.0]).sign.shape == (1,)
     q = np.array([[3e6, 3e6], [2e6, 2e6]])
-    z = np.sqrt((1 - (9e12 + 4e12) / Ellipsoid.a**2)) * Ellipsoid.b
+    z = np.sqrt(1 - (9e12 + 4e12) / Ellipsoid.a**2) * Ellipsoid.b
     np.testing.assert_allclose(many.position(q)[2], [z, -z], rtol=1e-12)
     np.testing.assert_allclose(one.position(q)[2], [-z, -z], rtol=1e-12)
     np.testing.assert_allclose(one.jacobian(q[:, 0])[2], (Ellipsoid.b / Ellipsoid.a) ** 2 * q[:, 0] / z, rtol=1e-12)
