@@ -541,6 +541,15 @@ def test_lower_roots_of_definite_and_semidefinite_covariances(units):
         lower_root(np.diag([1.0, 2.0, 1.0]), "Q", 3, lambda P: P)
 
 
+def test_what_rounding_left_of_a_pivot_is_nothing():
+    """Cholesky's root would go on with it: 1e-9 where there is nothing."""
+    P = np.array([[1.0, 0.1], [0.1, np.nextafter(0.1 * 0.1, 1)]])
+    assert 0 < np.linalg.cholesky(P)[1, 1] < 1e-8
+    np.testing.assert_allclose(lower_root(P, "P", 2), [[1.0, 0.0], [0.1, 0.0]], atol=1e-13)
+    kept = np.diag([1.0, 1e-13]) + [[0, 0], [0, 0.01]] + 0.1 * np.array([[0, 1], [1, 0]])
+    np.testing.assert_allclose(lower_root(kept, "P", 2), np.linalg.cholesky(kept), atol=1e-15)
+
+
 def test_sigma_points_of_what_is_only_semidefinite():
     half = np.outer([1.0, 2.0, -1.0], [1.0, 2.0, -1.0])
     for P in (half + np.eye(3), half, np.zeros((3, 3)), half - 1e-12 * np.eye(3)):
@@ -562,6 +571,9 @@ def test_an_angle_may_be_known_up_to_half_a_turn():
     MotionUKF(CURVE, np.zeros(5), P)
     with pytest.raises(ValueError, match="P0: expected standard deviations up to π of angles, got θ wider"):
         MotionUKF(CURVE, np.zeros(5), P * 1.001)
+    with pytest.warns(RuntimeWarning, match="the standard deviation of θ exceeds π") as caught:
+        MotionUKF(CURVE, np.zeros(5), P).predict(5.0)
+    assert caught[0].filename == __file__  # it points at who called
 
 
 def test_a_factor_of_S_is_judged_row_by_row():
