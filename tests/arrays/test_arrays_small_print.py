@@ -80,6 +80,8 @@ def test_elimination_broadcasts_the_runs_of_either():
     assert np.array_equal(arrays.eliminate(upper, below)[1], arrays.eliminate(S, below)[1])
     nothing = arrays.eliminate(0 * S, below)
     assert np.isnan(nothing[0]).all() and np.isnan(nothing[1]).all()
+    nobody = arrays.eliminate(S[:1, :1], below[:0, :1])  # one row, and none below
+    assert nobody[0].shape == (1, 1, 5) and np.array_equal(nobody[1], S[:1, 0])
     single = arrays.eliminate(S[..., 0], below[..., 0])
     assert single[0].shape == (5, 2) and np.allclose(single[1], arrays.eliminate(S, below)[1][:, 0])
 

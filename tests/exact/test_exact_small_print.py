@@ -101,6 +101,11 @@ def test_steady_errors_by_hand():
     np.testing.assert_allclose(C, limit.A @ (F @ C @ F.T + Q) @ limit.A.T + limit.K @ R @ limit.K.T, atol=1e-12)
     np.testing.assert_allclose(C, limit.P, atol=1e-9)
     assert not steady_errors(F, limit.A, limit.K, R)[0].any()
+    by_step = steady_errors(F[..., None], limit.A[..., None], limit.K[..., None], R, d, Q)  # one step is a constant
+    np.testing.assert_allclose(by_step[0], bias)
+    for name in ("F", "A", "K"):
+        with pytest.raises(ValueError, match=f"^{name}: expected shape"):
+            steady_errors(**{"F": F, "A": limit.A, "K": limit.K, "R": R} | {name: [{"F": F, "A": limit.A, "K": limit.K}[name]] * 2})
     with pytest.raises(ValueError, match=r"^A, F: expected A F to damp every error, got a spectral radius of 1"):
         steady_errors(np.eye(2), np.eye(2), np.zeros((2, 1)), R)
     for change, word in (

@@ -286,6 +286,22 @@ def test_noise_is_inflated_where_a_target_manoeuvres():
     np.testing.assert_array_equal(inflated(P[..., None], noise[..., None], np.array([True, False]), 5.0)[..., 1], P)
 
 
+def test_a_manoeuvre_at_once_inflates_the_noise_of_the_first_step():
+    kf = make("inflation", inflation=11.0)
+    kf.predict()
+    kf.update([500.0, 5.0])
+    P = F @ P0 @ F.T + 11 * Q
+    assert kf.manoeuvring
+    np.testing.assert_allclose(kf.P_prior, P)
+    np.testing.assert_allclose(kf.S, H @ P @ H.T + R)
+
+
+def test_a_method_that_undoes_what_fails_keeps_its_name_and_its_words():
+    for cls in (MotionKF, MotionUKF, MatrixKF, ManoeuvreIMM, MotionIMM, SquareRootUKF):
+        assert cls.update.__name__ == "update" and cls.update.__doc__.startswith("Correct ")
+    assert list(inspect.signature(MotionKF.update).parameters) == ["self", "z", "sensor", "R"]
+
+
 def alarmed(**more):
     """A filter of variable dimension right after its alarm, and the measurements up to there."""
     kf, zs = make("dimension", window=3, **more), []

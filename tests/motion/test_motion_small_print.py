@@ -136,6 +136,17 @@ def test_continuous_noise_of_a_linear_model_follows_the_step():
         np.testing.assert_allclose(model.step(np.zeros(6), dt)[2], model.Q(np.zeros(6), dt), atol=1e-15)
 
 
+@every_planar
+def test_continuous_noise_of_any_trailing_axes_is_that_of_each(make):
+    model = make(1.5, 0.4, noise="continuous")
+    x = np.random.default_rng(1).standard_normal((model.n, 2, 3, 2))
+    whole = model.Q(x, 0.4)
+    assert whole.shape == (model.n, model.n, 2, 3, 2)
+    for place in ((0, 0, 0), (1, 2, 0), (0, 1, 1)):
+        np.testing.assert_allclose(whole[(..., *place)], model.Q(x[(..., *place)], 0.4), atol=1e-13)
+        np.testing.assert_allclose(model.Q(x[..., 1], 0.4), whole[..., 1], atol=1e-13)
+
+
 @pytest.mark.parametrize("make", [CV, CA])
 def test_held_inputs_of_a_linear_model_have_no_arc(make):
     one, other = make(1.5), make(1.5, noise="exact")
