@@ -341,3 +341,12 @@ def test_a_step_that_is_to_be_refused_is_named_with_its_number(z, sensor, word):
     stepped(one_by_one, zs[:4], sensors[:4])
     one_by_one.predict(0.1)
     np.testing.assert_allclose(ens.x, one_by_one.x, atol=1e-9)
+
+
+def test_steps_of_more_sensors_than_are_compiled_together_are_taken_one_by_one():
+    zs, sensors = tracks()
+    sensors = [None if sensor is None else type(sensor)(R=sensor.R) for sensor in sensors]  # five of them
+    ens, one_by_one = EnsembleEKF(TURN, X0, P0), EnsembleEKF(TURN, X0, P0)
+    found, expected = follow(ens, zs, sensors, 0.1), stepped(one_by_one, zs, sensors)
+    np.testing.assert_allclose(found.x, expected, atol=1e-9)
+    np.testing.assert_allclose(ens.P, one_by_one.P, atol=1e-9)
