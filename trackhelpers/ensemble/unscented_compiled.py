@@ -126,7 +126,7 @@ def _correction(root, seen, P, R, weights, angular=()):
     mean, S, apart = _moments(seen, R, weights, angular)
     # of the points' distances from x one is zero, and the others are pairs ±
     pairs = [[row[1 + j] - row[1 + n + j] for j in range(n)] for row in apart]
-    cross = [[dot(root[i][: i + 1], pairs[a][: i + 1]) * other for a in range(m)] for i in range(n)]
+    cross = [[dot(root[i], pairs[a]) * other for a in range(m)] for i in range(n)]  # the root of a semidefinite P is not triangular
     K, S = gain(cross, S), mirrored(S)
     return mean, S, K, mirrored([[P[i][j] - dot(K[i], cross[j]) for j in range(i + 1)] for i in range(n)])
 
