@@ -13,7 +13,11 @@ STATE = ("x", "y", "vx", "vy")
 
 
 @pytest.mark.parametrize("rows", [(1, 2), (2,)])
-@pytest.mark.parametrize("chart", [Ellipsoid(), Ellipsoid(-1), LocalENU(0.6, 2.1), LocalENU(0.6, 2.1, h=5000.0), Plane()], ids=repr)
+@pytest.mark.parametrize(
+    "chart",
+    [Ellipsoid(), Ellipsoid(-1), LocalENU(0.6, 2.1), LocalENU(0.6, 2.1, h=5000.0), Plane()],
+    ids=["north", "south", "sea", "aloft", "plane"],
+)
 def test_an_ensembles_differences_are_those_of_its_runs(chart, rows):
     sensor = TDOA(24.0, S, chart, STATE, rows)
     x = np.random.default_rng(1).normal(0.0, 1e5, (4, 3, 17))
