@@ -350,3 +350,12 @@ def test_steps_of_more_sensors_than_are_compiled_together_are_taken_one_by_one()
     found, expected = follow(ens, zs, sensors, 0.1), stepped(one_by_one, zs, sensors)
     np.testing.assert_allclose(found.x, expected, atol=1e-9)
     np.testing.assert_allclose(ens.P, one_by_one.P, atol=1e-9)
+
+
+def test_another_model_is_followed_over_the_same_step():
+    ens, kf = EnsembleKF(STRAIGHT, X0[:4], np.eye(4)), MotionKF(STRAIGHT, X0[:4, 0], np.eye(4))
+    for model in (STRAIGHT, CV(9.0), STRAIGHT):
+        ens.model = kf.model = model
+        ens.predict(0.5)
+        kf.predict(0.5)
+        np.testing.assert_allclose(ens.P[..., 0], kf.P, atol=1e-12)

@@ -80,6 +80,7 @@ def test_innovations_are_moments_of_the_mixture_and_bearings_are_mixed_the_short
     ("change", "words"),
     [
         ({"filters": [QUIET, LIVELY]}, "filters: expected ensembles"),
+        ({"filters": [MotionEKF(model, X0[:, 0], P0) for model in (QUIET, LIVELY)]}, "filters: expected ensembles"),
         ({"filters": 3}, "filters: expected two or more"),
         ({"filters": [EnsembleEKF(QUIET, X0, P0)]}, "filters: expected two or more"),
         ({"filters": [EnsembleEKF(QUIET, X0, P0), EnsembleEKF(LIVELY, X0[:, :2], P0)]}, "filters: expected two or more"),
