@@ -8,7 +8,7 @@ from IPython.core.inputtransformer2 import TransformerManager
 
 __all__ = ["faults", "statements", "unintroduced", "untagged", "words"]
 
-MOST_STATEMENTS, MEDIAN_STATEMENTS, LINE, MOST_WORDS = 15, 6, 82, 3800
+MOST_STATEMENTS, MEDIAN_STATEMENTS, LINE, MOST_WORDS = 15, 6, 82, 3500
 
 _LEDGER = re.compile(r"(?<![\w.])ledger\.")
 _FIGURE = re.compile(r"\bplots\.show\(|\bPlayground\(")
@@ -67,7 +67,7 @@ def faults(notebook):
     """Return what keeps a notebook from its form, a line of text each.
 
     Open code cells have at most 15 statements, figures (`plots.show`, `Playground`) excepted, and 6 in the median; lines have at most 82 characters; a cell shows at most one figure; the ledger is
-    spoken to in the first code cell, the last one, and at most one folded cell a section (tag ``hide-cell``, ``jupyter.source_hidden``); the text has at most 3800 words;
+    spoken to in the first code cell, the last one, and at most one folded cell a section (tag ``hide-cell``, ``jupyter.source_hidden``); the text has at most 3500 words;
     a displayed equation has one number (`untagged`), and text leads to each open cell (`unintroduced`).
     """
     found, counts, sections = [], [], []
