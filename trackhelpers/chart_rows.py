@@ -30,7 +30,7 @@ def slopes(chart, q):
         z = np.where(z == 0, np.nan, z)
         return [[1.0, 0.0], [0.0, 1.0], [-((chart.b / chart.a) ** 2) * row / z for row in q]]
     (east, north, up), normal = chart._axes.T.tolist(), _sea(chart, q)[1]
-    rise = [-_dot(axis, normal) / _dot(up, normal) for axis in (east, north)]  # of the height over the plane: the normal stays normal
+    rise = [-dot(axis, normal) / dot(up, normal) for axis in (east, north)]  # of the height over the plane: the normal stays normal
     return [[east[k] + up[k] * rise[0], north[k] + up[k] * rise[1]] for k in range(3)]
 
 
@@ -45,12 +45,12 @@ def _sea(chart, q):
     p = [o + e * q[0] + n * q[1] for o, e, n in zip(origin, east, north, strict=True)]
     weights = [Ellipsoid.a**-2, Ellipsoid.a**-2, Ellipsoid.b**-2]
     normal = [row * w for row, w in zip(p, weights, strict=True)]
-    A, B, C = _dot([u * w for u, w in zip(up, weights, strict=True)], up), _dot(normal, up), _dot(normal, p) - 1.0
+    A, B, C = dot([u * w for u, w in zip(up, weights, strict=True)], up), dot(normal, up), dot(normal, p) - 1.0
     discriminant = B * B - A * C
     down = C / (B + np.sqrt(np.where(discriminant > 0, discriminant, np.nan)))
     p = [row - down * u for row, u in zip(p, up, strict=True)]
     return p, [row * w for row, w in zip(p, weights, strict=True)]
 
 
-def _dot(a, b):
+def dot(a, b):
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]

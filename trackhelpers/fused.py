@@ -7,7 +7,6 @@ code. What cannot be traced (a sensor that moves, a hook without arithmetic) is 
 
 from functools import lru_cache
 from math import prod
-from threading import RLock
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -22,7 +21,6 @@ MOST_ITERATIONS = 10  # of an iterated EKF: the code grows with them
 MOST_SENSORS = 4  # different ones in a run of many steps, each of which is compiled together with the model
 _kept = WeakKeyDictionary()  # model or sensor -> what was traced of it
 _kept_together = WeakKeyDictionary()  # model -> sensor -> what was traced of both
-_alone = RLock()
 
 
 def _traced(owner, key, build, kept=_kept):
@@ -31,7 +29,7 @@ def _traced(owner, key, build, kept=_kept):
         return kept[owner][key]
     except KeyError:
         pass
-    with _alone, tracing():
+    with tracing():
         try:
             outputs = build()
         except Exception:  # whatever a hook raises that wanted a number

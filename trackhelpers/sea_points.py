@@ -4,6 +4,7 @@ from functools import cache
 
 import numpy as np
 
+from trackhelpers.chart_rows import dot
 from trackhelpers.charts import Ellipsoid
 from trackhelpers.kernels import Kernel, binding
 from trackhelpers.quartic import real_roots, roots_up_to_one
@@ -115,10 +116,6 @@ def _finished(P0, P1, P2, normal, s, d, r, seen):
 def _radius(p):
     """The Earth's radius, m, in the direction of p (3, ...)."""
     return np.sqrt(dot(p, p) / dot([pk / square for pk, square in zip(p, SQUARES, strict=True)], p))
-
-
-def dot(a, b):
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
 def _cross(a, b):

@@ -6,18 +6,22 @@
 from contextlib import contextmanager
 from functools import partial
 from math import pi
+from threading import RLock
 
 import numpy as np
+
+_alone = RLock()
 
 
 @contextmanager
 def tracing():
-    """A trace, in which equal operations are one symbol."""
-    before, Symbol.known = Symbol.known, {}
-    try:
-        yield
-    finally:
-        Symbol.known = before
+    """A trace, in which equal operations are one symbol; one thread at a time."""
+    with _alone:
+        before, Symbol.known = Symbol.known, {}
+        try:
+            yield
+        finally:
+            Symbol.known = before
 
 
 class NotTraceable(TypeError):

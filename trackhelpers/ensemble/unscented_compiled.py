@@ -11,7 +11,7 @@ import numpy as np
 from trackhelpers import fused
 from trackhelpers.kernels import Kernel, binding
 from trackhelpers.symbolic import Vector, dot, flat, gain, loads, mirrored, total
-from trackhelpers.symbols import Symbol, choose, number, wrap
+from trackhelpers.symbols import Symbol, choose, number, tracing, wrap
 
 MOST_STATES = 8  # the code grows with the cube of the number of states, and so does the time that compiling takes
 
@@ -62,21 +62,24 @@ def update(sensor, model, x, P, z, R, spread, weights):
 
 @lru_cache(maxsize=64)
 def _points(n):
-    root, points = _displaced(loads(0, n), loads(1, n, n), loads(2, 1)[0])
-    return Kernel([((n, n), flat(root)), ((n, 2 * n + 1), flat(points))])
+    with tracing():
+        root, points = _displaced(loads(0, n), loads(1, n, n), loads(2, 1)[0])
+        return Kernel([((n, n), flat(root)), ((n, 2 * n + 1), flat(points))])
 
 
 @lru_cache(maxsize=64)
 def _prediction(n, weights):
-    mean, P, _ = _moments(_rows(0, n, 2 * n + 1), loads(1, n, n), weights)
-    return Kernel([((n,), mean), ((n, n), flat(mirrored(P)))])
+    with tracing():
+        mean, P, _ = _moments(_rows(0, n, 2 * n + 1), loads(1, n, n), weights)
+        return Kernel([((n,), mean), ((n, n), flat(mirrored(P)))])
 
 
 @lru_cache(maxsize=64)
 def _update(n, m, weights, angular):
-    root, seen = _rows(0, n, n), _rows(1, m, 2 * n + 1)
-    mean, S, K, posterior = _correction(root, seen, loads(2, n, n), loads(3, m, m), weights, angular)
-    return Kernel([((m,), mean), ((m, m), flat(S)), ((n, m), flat(K)), ((n, n), flat(posterior))])
+    with tracing():
+        root, seen = _rows(0, n, n), _rows(1, m, 2 * n + 1)
+        mean, S, K, posterior = _correction(root, seen, loads(2, n, n), loads(3, m, m), weights, angular)
+        return Kernel([((m,), mean), ((m, m), flat(S)), ((n, m), flat(K)), ((n, n), flat(posterior))])
 
 
 def _whole_update(sensor, model, own_noise, spread, weights):
