@@ -44,13 +44,11 @@ LOOK = """() => {
 }"""
 
 
-@pytest.fixture(
-    scope="module", params=[(width, scheme) for width in WIDTHS for scheme in ("light", "dark")], ids=lambda p: f"{p[0]}-{p[1]}"
-)
+@pytest.fixture(scope="module", params=WIDTHS)
 def visit(request, browser, pages):
     """Opens a page of the book; a complaint in the console, or anything that is not a file, is kept in ``visit.faults``."""
-    width, scheme = request.param
-    context = browser.new_context(viewport={"width": width, "height": 900}, color_scheme=scheme)
+    width = request.param
+    context = browser.new_context(viewport={"width": width, "height": 900}, color_scheme="light")
     page = context.new_page()
     page.set_default_timeout(60_000)
     faults = []
@@ -58,12 +56,13 @@ def visit(request, browser, pages):
     page.on("pageerror", lambda error: faults.append(str(error)))
     page.on("request", lambda sent: faults.append(sent.url) if not sent.url.startswith(("file:", "data:", "blob:")) else None)
 
-    def visit(path):
+    def visit(path, scheme="light"):
         faults.clear()
+        page.emulate_media(color_scheme=scheme)
         page.goto(path.as_uri())
         return page
 
-    visit.faults, visit.width, visit.scheme = faults, width, scheme
+    visit.faults, visit.width = faults, width
     yield visit
     context.close()
 
@@ -74,35 +73,9 @@ def every(pages):
     return found
 
 
-def test_every_slider_moves_its_figure(visit, pages):
-    moved = 0
-    for path in every(pages):
-        if 'class="playground"' not in path.read_text(encoding="utf-8"):
-            continue
-        page = visit(path)
-        for slider in page.locator(SLIDERS).all():
-            slider.focus()
-            seen = []
-            for key in ("Home", "End", "ArrowLeft", "ArrowLeft"):
-                page.keyboard.press(key)
-                seen.append(slider.evaluate(DRAWN))
-            assert len(set(seen)) > 1, f"{path.name}: {slider.get_attribute('aria-label')}"
-            assert slider.get_attribute("aria-label") and slider.get_attribute("aria-valuetext")
-            moved += 1
-        for picture in page.locator("figure.playground svg[role=img]").all():
-            box = picture.bounding_box()
-            assert box["x"] >= 0 and box["x"] + box["width"] <= visit.width and box["width"] > 250, path.name
-            size = picture.evaluate("svg => 12 * svg.getBoundingClientRect().width / 360")
-            assert size >= 9, f"letters of {size:.1f} px"
-        assert visit.faults == [], path.name
-        if os.environ.get("PICTURES"):
-            for k, figure in enumerate(page.locator("figure.playground").all()):
-                figure.screenshot(path=Path(os.environ["PICTURES"]) / f"{path.stem}-{k}-{visit.width}-{visit.scheme}.png")
-    assert moved >= 14
-
-
-def test_the_letters_stand_out_from_the_page(visit, pages):
-    page = visit(next(path for path in every(pages) if 'class="playground"' in path.read_text(encoding="utf-8")))
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_the_letters_stand_out_from_the_page(visit, pages, scheme):
+    page = visit(next(path for path in every(pages) if 'class="playground"' in path.read_text(encoding="utf-8")), scheme)
     contrast = page.locator("figure.playground").first.evaluate(
         """figure => {
           const light = colour => {
@@ -116,13 +89,45 @@ def test_the_letters_stand_out_from_the_page(visit, pages):
         }"""
     )
     assert contrast > 7
-    assert (page.evaluate("document.documentElement.dataset.theme") or "light") == visit.scheme
+    assert (page.evaluate("document.documentElement.dataset.theme") or "light") == scheme
+    assert visit.faults == []
 
 
-def test_every_fold_opens_and_every_page_fits_and_does_not_complain(visit, pages):
-    opened = 0
+def move_the_sliders(page, width):
+    """Each slider of the page moves its figure, and each figure fits and can be read; how many there are."""
+    sliders = page.locator(SLIDERS).all()
+    for slider in sliders:
+        slider.focus()
+        seen = []
+        for key in ("Home", "End", "ArrowLeft", "ArrowLeft"):
+            page.keyboard.press(key)
+            seen.append(slider.evaluate(DRAWN))
+        assert len(set(seen)) > 1, slider.get_attribute("aria-label")
+        assert slider.get_attribute("aria-label") and slider.get_attribute("aria-valuetext")
+    for picture in page.locator("figure.playground svg[role=img]").all():
+        box = picture.bounding_box()
+        assert box["x"] >= 0 and box["x"] + box["width"] <= width and box["width"] > 250
+        size = picture.evaluate("svg => 12 * svg.getBoundingClientRect().width / 360")
+        assert size >= 9, f"letters of {size:.1f} px"
+    return len(sliders)
+
+
+def painted(page):
+    """Milliseconds until something of the page was seen."""
+    paints = "performance.getEntriesByName('first-contentful-paint')"
+    page.wait_for_function(f"{paints}.length")
+    return page.evaluate(f"{paints}[0].startTime")
+
+
+def test_every_page_is_painted_moves_opens_fits_and_does_not_complain(visit, pages):
+    moved = opened = 0
     for path in every(pages):
         page = visit(path)
+        taken = [painted(page)]
+        while min(taken) >= 1000 and len(taken) < 3:  # the best of three, as a busy machine may take any time
+            taken.append(painted(visit(path)))
+        assert min(taken) < 1000, f"{path.name}: {taken}"
+        moved += move_the_sliders(page, visit.width)
         toggled = page.evaluate(
             """() => [...document.querySelectorAll("details.hide")].map(fold => {
               const before = fold.open;
@@ -134,9 +139,15 @@ def test_every_fold_opens_and_every_page_fits_and_does_not_complain(visit, pages
         opened += len(toggled)
         page.evaluate("() => { for (const image of document.images) image.loading = 'eager'; }")
         page.wait_for_function("[...document.images].every(image => image.complete)")
-        assert page.evaluate(LOOK) == [], path.name
+        for scheme in ("light", "dark"):  # as when evening comes: the page that is open changes
+            page.emulate_media(color_scheme=scheme)
+            page.wait_for_function(f"(document.documentElement.dataset.theme || 'light') === '{scheme}'")
+            assert page.evaluate(LOOK) == [], f"{path.name}, {scheme}"
+            if os.environ.get("PICTURES"):
+                for k, figure in enumerate(page.locator("figure.playground").all()):
+                    figure.screenshot(path=Path(os.environ["PICTURES"]) / f"{path.stem}-{k}-{visit.width}-{scheme}.png")
         assert visit.faults == [], path.name
-    assert opened > 100
+    assert moved >= 14 and opened > 100
 
 
 def test_the_ledger_is_searched_as_one_types(visit, pages):
@@ -176,17 +187,3 @@ def test_a_printed_number_is_two_clicks_from_its_proof(visit, pages, number):
     place = page.evaluate("decodeURIComponent(location.hash.slice(1))")
     assert place.startswith("row-") and page.locator(f"[id='{place}']").count() == 1
     assert visit.faults == []
-
-
-def test_the_largest_pages_are_painted_within_a_second(browser, pages):
-    largest = sorted(every(pages), key=lambda path: path.stat().st_size)[-3:]
-    for path in largest:
-        taken = []
-        for _ in range(3):  # the best of three, as a busy machine may take any time
-            page = browser.new_page()
-            page.goto(path.as_uri())
-            paints = "performance.getEntriesByName('first-contentful-paint')"
-            page.wait_for_function(f"{paints}.length")
-            taken.append(page.evaluate(f"{paints}[0].startTime"))
-            page.close()
-        assert min(taken) < 1000, f"{path.name}: {taken}"
