@@ -114,14 +114,14 @@ def test_halves_are_copied_or_averaged():
 @pytest.mark.parametrize("triangular", [True, False])
 def test_a_compiled_unscented_update_is_the_weighted_sums(m, R, triangular):
     pytest.importorskip("llvmlite")
-    weights, n = (-1.0, 0.25, 0.5, 0.25), 4  # 8 · 0.25 − 1 = 1
+    weights, n = (0.25, 0.5), 4
     root = RNG.standard_normal((n, n, M))
     root = np.stack([np.tril(root[..., r]) if triangular else root[..., r] for r in range(M)], axis=-1)
     pairs = RNG.standard_normal((m, n, M))
     seen = np.concatenate([np.zeros((m, 1, M)), pairs + 0.1 * pairs**2, -pairs + 0.1 * pairs**2], axis=1) + 2.0
     P, R = 20 * np.eye(n)[..., None] + np.einsum("ikm,jkm->ijm", root, root), R[:m, :m]
     mean, S, K, posterior = unscented_compiled.corrected(root, seen, P, R, weights)
-    Wm, Wc = np.array([weights[0], *[weights[1]] * 2 * n]), np.array([weights[2], *[weights[3]] * 2 * n])
+    Wm, Wc = np.array([-1.0, *[0.25] * 8]), np.array([0.5, *[0.25] * 8])  # 8 · 0.25 − 1 = 1
     for r in range(M):
         z = seen[..., r]
         points = np.concatenate([np.zeros((n, 1)), root[..., r], -root[..., r]], axis=1)
@@ -150,10 +150,10 @@ def test_compiled_sigma_points_are_of_the_root_and_nan_where_there_is_none(monke
     assert np.isnan(root[4, 4, 1]) and np.isfinite(root[:4, :4, 1]).all()
     big = np.repeat(np.eye(9)[..., None], 2, axis=2)
     assert unscented_compiled.sigma_points(np.zeros((9, 2)), big, 2.0) is None
-    assert unscented_compiled.corrected(big, np.zeros((1, 19, 2)), big, np.eye(1), (0.0, 0.5, 0.0, 0.5)) is None
+    assert unscented_compiled.corrected(big, np.zeros((1, 19, 2)), big, np.eye(1), (0.5, 0.0)) is None
     monkeypatch.setattr(unscented_compiled, "binding", None)
     assert unscented_compiled.sigma_points(x, P, 2.0) is None
-    assert unscented_compiled.corrected(P, np.zeros((1, 11, M)), P, np.eye(1), (0.0, 0.1, 0.0, 0.1)) is None
+    assert unscented_compiled.corrected(P, np.zeros((1, 11, M)), P, np.eye(1), (0.1, 0.0)) is None
 
 
 # --- constant matrices

@@ -140,8 +140,8 @@ class EnsembleUKF(Ensemble):
 
     @property
     def _weights(self):
-        """Of the mean, the first point's and each other's; of the covariance likewise."""
-        return self.Wm[0], self.Wm[-1], self.Wc[0], self.Wc[-1]
+        """Of each point but the first, and of the first in the covariance."""
+        return self.Wc[-1], self.Wc[0]
 
     def _corrected(self, x, P, z, sensor, R):
         whole = unscented_compiled.update(sensor, self.model, x, P, z, R, self._spread, self._weights)

@@ -42,7 +42,7 @@ def corrected(root, seen, P, R, weights, angular=()):
     P : numpy.ndarray, shape (n, n, M)
     R : numpy.ndarray, shape (m, m) or (m, m, M)
     weights : tuple of float
-        Of the mean: the first point and each other one; then of the covariance likewise.
+        Of each point but the first, and of the first in the covariance; in the mean it has what is left of one.
     angular : tuple of int
         Rows of what was seen that are angles, rad: averaged about the first point, their differences taken the short way round.
     """
@@ -109,11 +109,11 @@ def _displaced(x, P, scale):
 
 def _moments(points, noise, weights, angular=()):
     """Mean of points (m rows), the lower half of their covariance with the noise added, and how far from the mean they lie."""
-    (_, mean_other, first, other), mean, apart = weights, [], []
+    (other, first), mean, apart = weights, [], []
     for a, row in enumerate(points):
         short = wrap if a in angular else number
         from_first = [short(value - row[0]) for value in row]  # these differences are small beside what is seen
-        shift = total(from_first[1:]) * mean_other  # the weights of the mean add up to one
+        shift = total(from_first[1:]) * other  # the weights of the mean add up to one
         mean.append(short(row[0] + shift))
         apart.append([short(value - shift) for value in from_first])
     spread = [
@@ -125,7 +125,7 @@ def _moments(points, noise, weights, angular=()):
 
 def _correction(root, seen, P, R, weights, angular=()):
     """The mean of what was seen at the points, its covariance, the gain, and the posterior covariance."""
-    n, m, other = len(P), len(seen), weights[3]
+    n, m, other = len(P), len(seen), weights[0]
     mean, S, apart = _moments(seen, R, weights, angular)
     # of the points' distances from x one is zero, and the others are pairs ±
     pairs = [[row[1 + j] - row[1 + n + j] for j in range(n)] for row in apart]
