@@ -137,9 +137,7 @@ def check_array(value, name, first, trailing=None):
 
 def check_vector(value, name, n=None):
     """`value` as a float array (n,), one number as (1,); ValueError unless it is n finite numbers, as many as you like without `n`."""
-    if (
-        type(value) is np.ndarray and value.dtype == _FLOAT and value.shape == (n,) and math.isfinite(value.dot(value))
-    ):  # at a glance, or closely
+    if type(value) is np.ndarray and value.dtype == _FLOAT and value.shape == (n,) and all_finite(value):  # at a glance, or closely
         return value
     return check_array(value if isinstance(value, (list, tuple)) or getattr(value, "ndim", 0) else [value], name, n, ())
 

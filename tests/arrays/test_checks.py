@@ -204,3 +204,11 @@ def test_floats_come_back_as_they_are_and_other_numbers_as_floats(check):
     for other in (np.array([1, 2]), np.float32([1, 2]), [1, 2]):
         assert check(other, "a").dtype == float and check(other, "a").tolist() == [1, 2]
     assert refused(check, np.array([1j, 2]), np.array([True, False]), np.array(["1", "2"]))
+
+
+def test_large_numbers_pass_without_a_word():
+    large = np.array([1e200, -1e308])
+    assert checks.check_vector(large, "x", 2) is large
+    assert checks.check_array(large, "x", 2, ()) is large
+    with pytest.raises(ValueError, match="x: expected finite numbers"):
+        checks.check_vector(np.array([1e200, np.inf]), "x", 2)

@@ -574,7 +574,7 @@ def test_sigma_points_of_what_is_only_semidefinite():
     for P in (half - 1e-3 * np.eye(3), -np.eye(3)):
         with pytest.raises(ValueError, match="P: expected a positive semidefinite covariance"):
             upper_root(P)
-    for bad in ((0.0, 2.0, 0.0), (1.0, 2.0, -3.0), (1.0, 2.0, -4.0), (2.0, 2.0, 1e308)):
+    for bad in ((0.0, 2.0, 0.0), (1.0, 2.0, -3.0), (1.0, 2.0, -4.0), (2.0, 2.0, 1e308), (1e200, 2.0, 0.0)):
         with pytest.raises(ValueError, match=r"alpha, beta, kappa: expected finite numbers with alpha²\(n \+ kappa\) > 0"):
             check_sigma_points(3, *bad)
     for name in ("alpha", "beta", "kappa"):
@@ -713,3 +713,14 @@ def test_signatures_of_the_square_root_filters_are_filterpys():
     for cls in (filters.MotionUKF, filters.MotionSquareRootUKF):
         defaults = {name: p.default for name, p in inspect.signature(cls).parameters.items() if p.default is not p.empty}
         assert {name: defaults[name] for name in ("alpha", "beta", "kappa")} == {"alpha": 1.0, "beta": 2.0, "kappa": 0.0}
+
+
+@pytest.mark.parametrize("kind", [MotionKF, MotionEKF, MotionUKF])
+def test_a_covariance_that_does_not_fit_is_no_half_prediction(kind):
+    kf = kind(CV(1.0), np.zeros(4), np.eye(4))
+    kf.predict(1.0)
+    kf.P = np.eye(3)
+    before = kf.__dict__.copy()
+    with pytest.raises(ValueError):
+        kf.predict(2.0)
+    assert kf.__dict__.keys() == before.keys() and all(kf.__dict__[name] is value for name, value in before.items())

@@ -43,6 +43,7 @@ class MotionEKF(OnModel, ExtendedKalmanFilter):
         self._start(model, x0, P0)
         self.iterations = check_window(iterations, "iterations")
 
+    @atomic
     def predict(self, dt):
         """Predict over `dt` seconds, dt ≥ 0."""
         self._ahead, self.F, self.Q = self.model.step(self.x, dt)  # at the old x

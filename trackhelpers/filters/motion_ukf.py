@@ -136,7 +136,7 @@ class MotionUKF(OnModel, UnscentedKalmanFilter):
 def check_sigma_points(n, alpha, beta, kappa):
     """The squared spread alpha² (n + kappa) of the sigma points; ValueError unless it is positive."""
     alpha, beta, kappa = check_number(alpha, "alpha"), check_number(beta, "beta"), check_number(kappa, "kappa")
-    spread = alpha**2 * (n + kappa)
+    spread = alpha * alpha * (n + kappa)
     if not (np.isfinite(spread) and spread > 0):
         raise ValueError(f"alpha, beta, kappa: expected finite numbers with alpha²(n + kappa) > 0, got {alpha}, {beta}, {kappa}")
     return spread
