@@ -60,6 +60,9 @@ def test_elimination_marks_an_indefinite_run_and_leaves_its_neighbours(stack, fu
     clean, marked = function(stack[0]), function(spoilt)
     assert np.isnan(marked[..., 2]).all()
     assert np.array_equal(np.delete(marked, 2, -1), np.delete(clean, 2, -1))
+    spoilt[..., 2] = np.eye(4)
+    spoilt[(*place, 2)] = 0.0  # certain, which is not positive definite either
+    assert np.isnan(function(spoilt)[..., 2]).all()
 
 
 @pytest.mark.parametrize("number", [np.nan, np.inf, -np.inf])

@@ -7,13 +7,14 @@ import numpy as np
 import pytest
 
 from trackhelpers import filters, fused
+from trackhelpers.charts import Plane
 from trackhelpers.consistency import nees
 from trackhelpers.ensemble import EnsembleEKF, EnsembleKF, EnsembleUKF, adaptive, shared, switching, unscented_compiled
 from trackhelpers.ensemble.filters import _root
 from trackhelpers.filters import MotionEKF, MotionKF, MotionUKF
 from trackhelpers.follow import follow
 from trackhelpers.motion import CTRV, CV
-from trackhelpers.sensors import Lidar, LinearSensor, Position, Radar
+from trackhelpers.sensors import TDOA, Lidar, LinearSensor, Position, Radar
 
 TURN, STRAIGHT, M = CTRV(2.0, 0.3), CV(0.5), 4
 RNG = np.random.default_rng(0)
@@ -359,3 +360,20 @@ def test_another_model_is_followed_over_the_same_step():
         ens.predict(0.5)
         kf.predict(0.5)
         np.testing.assert_allclose(ens.P[..., 0], kf.P, atol=1e-12)
+
+
+def test_a_run_that_is_certain_of_a_component_is_updated_beside_its_neighbours():
+    satellites = 1e6 * np.array([[-3.0, -3.1, -3.0], [5.0, 5.0, 5.1], [4.5, 4.4, 4.4]])
+    rng, model = np.random.default_rng(4), CV(0.1)
+    sensor = TDOA(24.0, lambda t: satellites + t, Plane(), model.state).at(1.0)
+    x0 = np.array([1e5, 3.0, -2e5, 4.0])[:, None] + rng.normal(0.0, 100.0, (4, 7))
+    P0 = np.repeat(np.diag([1e6, 1.0, 1e6, 1.0])[..., None], 7, axis=2)
+    P0[1, 1, [2, 5]] = 0.0  # the speed along x is known
+    z = sensor.h(x0) + rng.normal(0.0, 24.0, (2, 7))
+    ens = EnsembleUKF(model, x0, P0)
+    ens.update(z, sensor)
+    for r in range(7):
+        kf = MotionUKF(model, x0[:, r], P0[..., r])
+        kf.update(z[:, r], sensor)
+        np.testing.assert_allclose(ens.x[:, r], kf.x, rtol=1e-9)
+        np.testing.assert_allclose(ens.P[..., r], kf.P, rtol=1e-6, atol=1e-6)
