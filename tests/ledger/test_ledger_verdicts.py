@@ -159,6 +159,11 @@ def test_numbers_are_stored_so_that_no_processor_changes_them(rule, residual, te
     assert stored(question(rule), residual)["ours"] == text
 
 
+def test_a_small_number_with_an_interval_keeps_all_three():
+    row = stored(question("< 1e-6"), (3e-10, 1e-10, 5e-10))
+    assert (row["ours"], row["low"], row["high"]) == ("3e-10", "1e-10", "5e-10")
+
+
 @given(
     st.floats(-1e6, 1e6), st.floats(0, 1.0), st.floats(0, 1.0), st.sampled_from(["< {}", ">= {}", "== {}", "in [{}, 1e7)", "in (-1e7, {}]"])
 )
