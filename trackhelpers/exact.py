@@ -70,10 +70,15 @@ def gains(F, H, Q, R, P0, steps, joseph=True):
     n, m = F.shape[1], R.shape[1]
     prior, S, K, A, P = (np.empty((steps, *shape)) for shape in ((n, n), (m, m), (n, m), (n, n), (n, n)))
     P = np.concatenate([check_covariance(P0, "P0", n)[None], P])
+    constant = not any(matrix.strides[0] for matrix in (F, H, Q, R))
     for k in range(steps):
         prior[k] = symmetrised(F[k] @ P[k] @ F[k].T) + Q[k]
         S[k], K[k], A[k] = _gain(prior[k], H[k], R[k])
         P[k + 1] = symmetrised(A[k] @ prior[k] @ A[k].T + K[k] @ R[k] @ K[k].T if joseph else A[k] @ prior[k])
+        if constant and (P[k + 1] == P[k]).all():  # settled to the last bit: all later steps are this one
+            for found in (prior, S, K, A, P):
+                found[k + 1 :] = found[k]
+            break
     return Gains(*(np.moveaxis(a, 0, -1) for a in (prior, S, K, A, P)))
 
 
@@ -121,9 +126,11 @@ def errors(F, A, K, R, d=None, Q=None, bias0=None, covariance0=None):
         bias[0] = check_array(bias0, "bias0", n, ())
     if covariance0 is not None:
         C[0] = check_covariance(covariance0, "covariance0", n)
-    for k in range(steps):
-        bias[k + 1] = A[k] @ (F[k] @ bias[k] - d[:, k])
-        C[k + 1] = A[k] @ (F[k] @ C[k] @ F[k].T + Q[k]) @ A[k].T + K[k] @ R[k] @ K[k].T
+    loop, pushes = A @ F, (A @ d.T[..., None])[..., 0]  # what does not hang on the step before, at once
+    noise = A @ Q @ np.swapaxes(A, 1, 2) + K @ R @ np.swapaxes(K, 1, 2)
+    for k, M in enumerate(loop):
+        bias[k + 1] = M.dot(bias[k]) - pushes[k]
+        C[k + 1] = M.dot(C[k]).dot(M.T) + noise[k]
     return bias.T, np.moveaxis(C, 0, -1)
 
 

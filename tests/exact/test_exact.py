@@ -44,6 +44,16 @@ def test_a_list_of_matrices_and_an_array_with_the_steps_last_are_one_thing_and_e
             np.testing.assert_array_equal(each.P[..., k + 1], P)
 
 
+@pytest.mark.parametrize("joseph", [True, False])
+def test_gains_that_have_settled_are_those_of_the_recursion_to_its_end(joseph):
+    F, H, Q, R = np.array([[1.0, 1], [0, 1]]), np.array([[1.0, 0]]), 0.01 * np.array([[0.25, 0.5], [0.5, 1]]), np.array([[3.0]])
+    P0, N = np.diag([3.0, 1.0]), 400
+    ends, goes_on = gains(F, H, Q, R, P0, N, joseph), gains([F] * N, H, Q, R, P0, N, joseph)
+    assert np.array_equal(ends.P[..., -1], ends.P[..., -2])
+    for one, other in zip(ends, goes_on, strict=True):
+        np.testing.assert_array_equal(one, other)
+
+
 def test_no_steps_leave_the_start():
     known = gains(F, H, Q, R, P0, 0)
     assert known.K.shape == (2, 1, 0)

@@ -59,6 +59,20 @@ def test_starts_and_measurements_have_the_moments_that_the_filters_are_told():
     np.testing.assert_allclose(np.cov(errors), target.R, atol=0.15)
 
 
+def test_several_tracks_are_measured_with_the_noise_of_each_alone():
+    tracks = np.stack([target.truth(a)[:, :41] for a in (0.5, 5.0)] + [target.truth()[:, 200:241]], axis=-1)
+
+    def rngs():
+        return [np.random.default_rng(child) for child in np.random.SeedSequence(3).spawn(4)]
+
+    starts, z = target.simulate(rngs(), tracks)
+    assert starts.shape == (4, 3, 4) and z.shape == (2, 40, 3, 4)
+    for k in range(3):
+        one_start, one_z = target.simulate(rngs(), tracks[..., k])
+        np.testing.assert_array_equal(starts[:, k], one_start)
+        np.testing.assert_array_equal(z[:, :, k], one_z)
+
+
 @pytest.mark.parametrize("index", [1e-3, 0.0577, 1.0, 5.0])
 def test_the_closed_form_of_the_lag_is_the_recursions(index):
     linear = c.Linear("CV", c.F, c.H, index**2 * 3.0 * c.GAMMA @ c.GAMMA.T, np.eye(4), np.eye(4))

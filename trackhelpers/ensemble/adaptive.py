@@ -6,6 +6,7 @@ Each is the filter of the same name in `trackhelpers.filters` over M runs, with 
 import numpy as np
 from scipy import stats
 
+from trackhelpers import matrix_steps
 from trackhelpers.arrays import check_scale, congruence, matvec
 from trackhelpers.consistency import nis
 from trackhelpers.ensemble.many_matrix_filters import EnsembleMatrixKF
@@ -36,28 +37,36 @@ class EnsembleStrongTrackingKF(EnsembleMatrixKF):
         NaN before a run's first measurement.
     """
 
-    _by_run = (*EnsembleMatrixKF._by_run, "V", "fading", "_moved")
+    _by_run = (*EnsembleMatrixKF._by_run, "V", "fading", "_before")
 
     def __init__(self, F, H, Q, R, x0, P0, beta=4.0, rho=0.95, factors="one"):
         super().__init__(F, H, Q, R, x0, P0)
         self.beta, self.rho, self.factors = check_scale(beta, "beta"), check_forgetting(rho), factors
         self._axis = axes_seen(self.matrices.F, self.matrices.H, factors)
-        self.V, self._moved = np.full((self.m, self.m, self.runs), np.nan), self.P
+        self.V, self._before = np.full((self.m, self.m, self.runs), np.nan), self.P  # and P before the last prediction
         self.fading = np.ones(self.runs) if self._axis is None else np.ones((self.m, self.runs))
 
     def predict(self):
         """Predict with λ = 1."""
-        self._moved = self.matrices.moved(self.P)
+        self._before = self.P
         super().predict()
 
     def _update(self, z, R):
-        H, Q, fresh = self.matrices.H, self.matrices.Q, self._steps > 0
-        self.V = innovation_spread(self.V, z - H @ self.x, self.rho)
-        fading, P = faded(self._moved, self.V, H, Q, R, self.beta, self._axis)
+        fresh = self._steps > 0
+        self.V, fading, P = self._faded(z, R)
         if not fresh.all():  # a second measurement at the same instant finds the covariance already fading
             fading, P = np.where(fresh, fading, self.fading), np.where(fresh, P, self.P)
         self.fading, self.P = fading, P
         super()._update(z, R)
+
+    def _faded(self, z, R):
+        """V, λ and P after the innovation of z."""
+        found = matrix_steps.fade(self.matrices, self.x, self._before, self.V, z, R, self.beta, self.rho, self._axis)
+        if found is not None:
+            return found
+        H, moved = self.matrices.H, self.matrices.moved(self._before)
+        V = innovation_spread(self.V, z - H @ self.x, self.rho)
+        return V, *faded(moved, V, H, self.matrices.Q, R, self.beta, self._axis)
 
 
 class EnsembleVarianceInflationKF(EnsembleMatrixKF):
@@ -123,13 +132,15 @@ class EnsembleInputEstimationKF(OneAPrediction, EnsembleMatrixKF):
     def _update(self, z, R):
         self._one_a_prediction()
         super()._update(z, R)
-        sums = input_seen(self._b, self._information, self._weighted, self.y, self.S, self.K, self.matrices.H)
+        arguments = self._b, self._information, self._weighted, self.y, self.S, self.K, self.matrices.H
+        sums = matrix_steps.input_seen(*arguments) or input_seen(*arguments)
         self._b, self._information, self._weighted = (_next_window(a) for a in sums)
         self._full = self._full + 1
         ready = np.flatnonzero(self._full >= self.window)
         if not len(ready):
             return
-        change, covariance, shift, significance = input_found(*(a[..., 0, ready] for a in sums))
+        oldest = [a[..., 0, ready] for a in sums]
+        change, covariance, shift, significance = matrix_steps.input_found(*oldest) or input_found(*oldest)
         found = significance > self.limit
         some, change, shift = ready[found], change[:, found], shift[..., found]
         x, P = self.x[:, some] + matvec(shift, change), self.P[..., some] + congruence(shift, covariance[..., found])

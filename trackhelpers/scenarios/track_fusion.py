@@ -99,12 +99,24 @@ def simulate(rngs, truth, pair, sigma_a=0.0):
     truth = check_array(truth, "truth", 4)
     if truth.ndim != 2:
         raise ValueError(f"truth: expected shape (4, N), got {truth.shape}")
-    noise = standard_normal(rngs, (6, truth.shape[1]))
+    return measured(draw(rngs, truth.shape[1]), truth, pair, sigma_a)
+
+
+def draw(rngs, steps):
+    """The noise of M runs over N steps, standard normal, (6, N, M): four rows for what two sensors measure, two for the acceleration; one generator a run."""
+    return standard_normal(rngs, (6, steps))
+
+
+def measured(noise, truth, pair, sigma_a=0.0):
+    """What `simulate` returns, and for the same arguments, from noise (6, N, M) that was drawn before: several settings on the same runs draw once."""
     truth = truth[..., None]
     if check_scale(sigma_a, "sigma_a") > 0:
         truth = truth + _response(sigma_a * noise[4:, :-1])
-    errors = [np.einsum("ij,jkm->ikm", np.linalg.cholesky(sensor.R), noise[2 * i : 2 * i + 2]) for i, sensor in enumerate(pair)]
-    return truth, np.stack([sensor.h(truth) + error for sensor, error in zip(pair, errors, strict=True)])
+    z = np.empty((2, 2, *noise.shape[1:]))
+    for i, sensor in enumerate(pair):
+        np.einsum("ij,jkm->ikm", np.linalg.cholesky(sensor.R), noise[2 * i : 2 * i + 2], out=z[i])
+        z[i] += sensor.h(truth)
+    return truth, z
 
 
 def two_points(R, Q=Q):

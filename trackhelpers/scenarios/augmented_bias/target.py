@@ -116,9 +116,12 @@ def truth(a=2.0, path=0):
 
 
 def simulate(rngs, track, R=R):
-    """Starts (4, M), drawn from N(truth, `P0`), and measured positions (2, N, M) at samples 1 … N, one block of noise a run."""
-    steps = track.shape[1] - 1
-    noise = standard_normal(rngs, (4 + 2 * steps,))
-    start = track[:, :1] + np.sqrt(np.diag(P0))[:, None] * noise[:4]
-    z = track[[0, 2], 1:, None] + np.einsum("ij,jkm->ikm", np.linalg.cholesky(R), noise[4:].reshape(2, steps, -1))
-    return start, z
+    """Starts (4, M), drawn from N(truth, `P0`), and measured positions (2, N, M) at samples 1 … N, one block of noise a run.
+
+    Of T tracks, (4, N + 1, T), all with the same noise: (4, T, M) and (2, N, T, M).
+    """
+    steps, alike = track.shape[1] - 1, (1,) * (track.ndim - 2)
+    noise, track = standard_normal(rngs, (4 + 2 * steps,)), track[..., None]
+    start = track[:, 0] + (np.sqrt(np.diag(P0))[:, None] * noise[:4]).reshape(4, *alike, -1)
+    errors = np.einsum("ij,jkm->ikm", np.linalg.cholesky(R), noise[4:].reshape(2, steps, -1))
+    return start, track[[0, 2], 1:] + errors.reshape(2, steps, *alike, -1)
