@@ -377,3 +377,18 @@ def test_a_run_that_is_certain_of_a_component_is_updated_beside_its_neighbours()
         kf.update(z[:, r], sensor)
         np.testing.assert_allclose(ens.x[:, r], kf.x, rtol=1e-9)
         np.testing.assert_allclose(ens.P[..., r], kf.P, rtol=1e-6, atol=1e-6)
+
+
+def test_inflation_of_one_state_is_the_single_filters():
+    F, H, Q, R = np.eye(1), np.eye(1), np.array([[0.1]]), np.array([[1.0]])
+    x0, zs = np.array([[0.0, 1.0]]), np.array([[0.5, 9.0], [1.0, 12.0], [0.2, 20.0]])
+    ens = adaptive.EnsembleVarianceInflationKF(F, H, Q, R, x0, np.eye(1))
+    for z in zs:
+        ens.predict()
+        ens.update(z[None])
+    for r in range(2):
+        kf = filters.VarianceInflationKF(F, H, Q, R, x0[:, r], np.eye(1))
+        for z in zs:
+            kf.predict()
+            kf.update(z[[r]])
+        np.testing.assert_allclose(ens.x[:, r], kf.x, atol=1e-12)
