@@ -51,11 +51,16 @@ def pages(tmp_path_factory):
 def checkout(tmp_path_factory):
     """A clone of this checkout with its uncommitted changes, whose `git status` is clean."""
     clone = tmp_path_factory.mktemp("clone") / "project"
+    env = dict(os.environ)
 
     def git(*arguments, cwd=ROOT):
-        return subprocess.run(["git", *arguments], cwd=cwd, check=True, capture_output=True, text=True).stdout.strip()
+        return subprocess.run(["git", *arguments], cwd=cwd, env=env, check=True, capture_output=True, text=True).stdout.strip()
 
+    # An index of its own: whoever works in this checkout meanwhile holds the lock of the other.
+    index = shutil.copy(ROOT / git("rev-parse", "--git-path", "index"), clone.with_name("index"))
+    env["GIT_INDEX_FILE"] = str(index)
     now = git("stash", "create") or git("rev-parse", "HEAD")
+    del env["GIT_INDEX_FILE"]
     git("clone", "--quiet", "--shared", "--no-checkout", str(ROOT), str(clone))
     git("checkout", "--quiet", "--detach", now, cwd=clone)
     assert git("status", "--porcelain", cwd=clone) == ""
