@@ -17,6 +17,7 @@ from trackhelpers.scenarios.augmented_bias import target
 M = 3
 RNGS = [np.random.default_rng(child) for child in np.random.SeedSequence(5).spawn(M)]
 X0, Z = target.simulate(RNGS, target.truth())
+Z = Z[:, :700]  # to the first manoeuvre and out of it again
 CONTENDERS = [
     c.plain(),
     c.augmented(),

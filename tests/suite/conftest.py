@@ -1,7 +1,17 @@
+import os
+
 import nbformat
 import pytest
 
-from trackhelpers.suite import form
+from trackhelpers.suite import ROOT, form
+
+
+@pytest.fixture(scope="module", autouse=True)
+def processes_start_sooner():
+    """Processes that a test starts find this checkout, and leave out what `tests/quick` says."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("PYTHONPATH", os.pathsep.join([str(ROOT / "tests" / "quick"), str(ROOT)]))
+        yield
 
 
 @pytest.fixture(scope="session")

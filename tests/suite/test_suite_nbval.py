@@ -40,8 +40,7 @@ def session(refreshed, tmp_path):
 
     def test(*options):
         environment = {name: value for name, value in os.environ.items() if not name.startswith(("PYTEST_", "TRACKHELPERS_"))}
-        path = os.pathsep.join([str(ROOT / "tests" / "quick"), str(ROOT)])
-        environment |= {"TRACKHELPERS_DATA": str(tmp_path / "data"), "PYTHONPATH": path}
+        environment["TRACKHELPERS_DATA"] = str(tmp_path / "data")
         command = f"-m pytest --color=no --assert=plain --nbval --nbval-sanitize-with={SANITIZE} notebooks".split()
         return subprocess.run([sys.executable, *command, *options], cwd=tmp_path, env=environment, capture_output=True, text=True)
 

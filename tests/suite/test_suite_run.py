@@ -1,6 +1,5 @@
 """Notebooks are run strictly and stored so that nothing moves that did not change."""
 
-import os
 import re
 import signal
 import subprocess
@@ -147,7 +146,6 @@ def test_ctrl_c_ends_a_run_in_one_line_within_two_seconds(store, tmp_path, code)
         [sys.executable, tmp_path / "script.py", path],
         stderr=subprocess.PIPE,
         text=True,
-        env=os.environ | {"PYTHONPATH": os.pathsep.join([str(ROOT / "tests" / "quick"), str(ROOT)])},
     )
     while not (path.parent / "begun").exists():
         assert process.poll() is None
