@@ -218,23 +218,37 @@ class LocalENU(Chart):
         p = check_array(position, "position", 3)
         return np.tensordot(self._axes[:, :2], p - self._origin.reshape(3, *[1] * (p.ndim - 1)), (0, 0))
 
+    def _near_root(self, q):
+        """Of the two points in which q's vertical meets the ellipsoid of the semi-axes a + h and b + h, the one near the plane.
+
+        By rows, of arrays and of symbols alike: the point, a normal there, and what is not positive where there is none. The ellipsoid is the sea for h = 0,
+        and within metres of the surface for other heights.
+        """
+        origin, (east, north, up) = self._origin.tolist(), self._axes.T.tolist()
+        p = [o + e * q[0] + n * q[1] for o, e, n in zip(origin, east, north, strict=True)]
+        weights = [(axis + self.h) ** -2 for axis in (Ellipsoid.a, Ellipsoid.a, Ellipsoid.b)]
+        normal = [row * w for row, w in zip(p, weights, strict=True)]
+        A, B, C = dot([u * w for u, w in zip(up, weights, strict=True)], up), dot(normal, up), dot(normal, p) - 1.0
+        discriminant = B * B - A * C
+        down = C / (B + np.sqrt(np.where(discriminant > 0, discriminant, np.nan)))
+        p = [row - down * u for row, u in zip(p, up, strict=True)]
+        return p, [row * w for row, w in zip(p, weights, strict=True)], discriminant
+
     def _surface(self, q):
         """Position, and a normal of the surface there, both (3, ...)."""
         q = check_array(q, "q", 2)
-        column = (3, *[1] * (q.ndim - 1))
-        origin, up = self._origin.reshape(column), self._axes[:, 2].reshape(column)
-        axes = (np.array([_WGS84.semimajor_axis] * 2 + [_WGS84.semiminor_axis]) + self.h).reshape(column)
-        p = origin + np.tensordot(self._axes[:, :2], q, 1)
-        # |(p + u·up)/axes|² = 1: of the two roots the one near the plane; an ellipsoid for h = 0, and within metres of the surface for other heights
-        A, B, C = np.sum((up / axes) ** 2), np.sum(p * up / axes**2, axis=0), np.sum((p / axes) ** 2, axis=0) - 1
-        discriminant = B**2 - A * C
+        p, normal, discriminant = self._near_root(q)
         self._refuse(q, discriminant <= 0, "a point that the surface reaches")
-        root = np.sqrt(np.where(discriminant > 0, discriminant, np.nan))
-        p = p - C / (B + root) * up
+        p, up = np.stack(p), self._axes[:, 2].reshape(3, *[1] * (q.ndim - 1))
         if self.h == 0:
-            return p, p / axes**2
+            return p, np.stack(normal)
         for _ in range(5):  # Newton: the gradient of the height is the normal
             lat, lon, h = geodetic(p)
             normal = np.stack([np.cos(lat) * np.cos(lon), np.cos(lat) * np.sin(lon), np.sin(lat)])
             p = p + (self.h - h) / np.sum(normal * up, axis=0) * up
         return p, normal
+
+
+def dot(a, b):
+    """a·b of three rows each, arrays or symbols."""
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]

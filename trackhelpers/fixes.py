@@ -10,8 +10,7 @@ import numpy as np
 from trackhelpers.arrays import check_array, check_covariance, inverse
 from trackhelpers.batch import BatchFix as BatchFix
 from trackhelpers.batch import batch_fix as batch_fix
-from trackhelpers.chart_rows import dot
-from trackhelpers.charts import check_chart
+from trackhelpers.charts import check_chart, dot
 from trackhelpers.sea_points import FLAT, SQUARES, sea_points
 from trackhelpers.sensors.tdoa import check_stations, difference_gradients
 

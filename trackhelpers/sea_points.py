@@ -4,8 +4,7 @@ from functools import cache
 
 import numpy as np
 
-from trackhelpers.chart_rows import dot
-from trackhelpers.charts import Ellipsoid
+from trackhelpers.charts import Ellipsoid, dot
 from trackhelpers.kernels import Kernel, binding
 from trackhelpers.quartic import real_roots, roots_up_to_one
 from trackhelpers.sensors.tdoa import ranges

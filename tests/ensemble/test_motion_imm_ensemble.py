@@ -27,6 +27,7 @@ def test_each_run_is_the_single_filter_that_is_fed_with_None(many, one):
     singles = [MotionIMM([one(model, X0[:, m], P0) for model in (QUIET, LIVELY)], MU, CHAIN) for m in range(M)]
     assert np.array_equal(ens.mu, np.repeat(np.array(MU)[:, None], M, axis=1)) and ens.y.shape == (0, M) and ens.S.shape == (0, 0, M)
     np.testing.assert_allclose(ens.x, X0, atol=1e-12)
+    assert ens.model is ens.filters[0].model is QUIET
     for k, (sensor, mask, noise) in enumerate(
         [
             (Lidar(), None, None),

@@ -3,6 +3,7 @@
 import numpy as np
 
 from trackhelpers import angles
+from trackhelpers.ensemble.covariance import log_density
 from trackhelpers.filters.base import atomic
 from trackhelpers.filters.imm import weighed
 from trackhelpers.manoeuvre_checks import check_probabilities
@@ -82,7 +83,7 @@ class EnsembleMotionIMM:
         if not self.filters[0].y.size:
             self.y, self.S = self.filters[0].y, self.filters[0].S
         else:
-            logs = np.array([_log_likelihood(ens.y, ens.S) for ens in self.filters])
+            logs = np.array([log_density(ens.y, ens.S) for ens in self.filters])
             ahead = self.mu
             self.mu = np.where(np.isnan(logs[0]), ahead, weighed(ahead, logs)[0])
             self.y, self.S = mixed(ahead, [(ens.y, ens.S) for ens in self.filters], sensor.angles)
@@ -100,13 +101,3 @@ def mixed(weights, moments, angular=()):
     apart -= mean
     P = sum(w * P for w, (_, P) in zip(weights, moments, strict=True)) + np.einsum("km,kim,kjm->ijm", weights, apart, apart)
     return angles.wrap_components(centre + mean, angular), P
-
-
-def _log_likelihood(y, S):
-    """Logarithm of N(y; 0, S) for y (m, M) up to a constant; NaN in the runs that were not measured."""
-    measured = ~np.isnan(y[0])
-    logs = np.full(y.shape[1], np.nan)
-    white = np.moveaxis(S[..., measured], -1, 0)
-    solved = np.linalg.solve(white, y[:, measured].T[..., None])[..., 0]
-    logs[measured] = -0.5 * (np.sum(y[:, measured].T * solved, axis=1) + np.linalg.slogdet(white)[1])
-    return logs
