@@ -17,6 +17,7 @@ INSIDE = {
     "quartic.*": "of what a fix has checked: tests/fixes",
     "sea_points.*": "of what a fix has checked: tests/fixes",
     "chart_rows.*": "of sensors: takes symbols too: tests/fused",
+    "charts.dot": "of rows, symbols too: tests/fused",
     "charts.Ellipsoid.with_symbol": "of sensors: takes a symbol",
     "sensors.tdoa.StationDifferences.moving": "asked by the ensembles",
     "sensors.tdoa.differences_and_gradients": "both at once, for least squares: arguments of the two that are registered",
