@@ -73,7 +73,7 @@ def log_density(y, S):
     return 0.5 * (np.log(inverse_pivots).sum(axis=0) - squared)
 
 
-@lru_cache(maxsize=64)
+@lru_cache
 def _moves(matrices):
     n = len(matrices.F)
     with tracing():
@@ -83,7 +83,7 @@ def _moves(matrices):
         return Kernel([((n,), moved), ((n, n), flat(P))])
 
 
-@lru_cache(maxsize=64)
+@lru_cache
 def _corrects(matrices, own):
     m, n = matrices.H.shape
     with tracing():
@@ -95,7 +95,7 @@ def _corrects(matrices, own):
         return Kernel([((n,), moved), ((n, n), flat(P)), ((m,), y), ((m, m), flat(S)), ((n, m), flat(K))])
 
 
-@lru_cache(maxsize=64)
+@lru_cache
 def _fades(matrices, own, beta, rho, axis):
     m, n = matrices.H.shape
     with tracing():
@@ -116,7 +116,7 @@ def _fades(matrices, own, beta, rho, axis):
         return Kernel([((m, m), flat(V)), (() if axis is None else (m,), fading), ((n, n), flat(whole))])
 
 
-@lru_cache(maxsize=64)
+@lru_cache
 def _inputs(n, m, q, places, values):
     with tracing():
         b, information, weighted = (
@@ -134,7 +134,7 @@ def _inputs(n, m, q, places, values):
         return Kernel([((n, q), flat(b)), ((q, q), flat(symbolic.mirrored(more))), ((q,), weighted)])
 
 
-@lru_cache(maxsize=64)
+@lru_cache
 def _solutions(q):
     with tracing():
         information, weighted = loads(0, q, q), loads(1, q)
@@ -144,7 +144,7 @@ def _solutions(q):
         return Kernel([((q,), u), ((q, q), flat(covariance)), ((), [symbolic.dot(u, weighted)])])
 
 
-@lru_cache(maxsize=64)
+@lru_cache
 def _mixes(n):
     with tracing():
         (a, b), x, other, P, other_P = loads(0, 2), loads(1, n), loads(2, n), loads(3, n, n), loads(4, n, n)
@@ -154,7 +154,7 @@ def _mixes(n):
         return Kernel([((n,), mean), ((n, n), flat(symbolic.mirrored(both)))])
 
 
-@lru_cache(maxsize=64)
+@lru_cache
 def _densities(m):
     with tracing():
         S = loads(1, m, m)

@@ -60,21 +60,21 @@ def update(sensor, model, x, P, z, R, spread, weights):
     return fused.corrected(_whole_update, (spread, weights), sensor, model, x, P, z, R)
 
 
-@lru_cache(maxsize=64)
+@lru_cache
 def _points(n):
     with tracing():
         root, points = _displaced(loads(0, n), loads(1, n, n), loads(2, 1)[0])
         return Kernel([((n, n), flat(root)), ((n, 2 * n + 1), flat(points))])
 
 
-@lru_cache(maxsize=64)
+@lru_cache
 def _prediction(n, weights):
     with tracing():
         mean, P, _ = _moments(_rows(0, n, 2 * n + 1), loads(1, n, n), weights)
         return Kernel([((n,), mean), ((n, n), flat(mirrored(P)))])
 
 
-@lru_cache(maxsize=64)
+@lru_cache
 def _update(n, m, weights, angular):
     with tracing():
         root, seen = _rows(0, n, n), _rows(1, m, 2 * n + 1)
