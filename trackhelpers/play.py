@@ -119,7 +119,7 @@ class Playground:
         return self
 
     def show(self, number, caption):
-        """Put out the playground, and below it its caption as Markdown, ``**Figure 3.1-6.** …``, as `plots.show` does for a figure.
+        """Put out the playground, and below it its caption as Markdown, ``**Figure P3.1-6.** …``, as `plots.show` does for a figure.
 
         Raises
         ------

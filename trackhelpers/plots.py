@@ -226,7 +226,7 @@ def flow(ax, boxes, arrows, fontsize=9.0):
 def show(fig, number, caption):
     """Put out a figure, a PNG at 150 dpi, and below it its caption as Markdown, ``**Figure 4.2-3.** …``; the figure is closed.
 
-    `number` is chapter and count, ``"4.2-3"``; `caption` says what to see, and is the web book's text for those who do not see the figure.
+    `number` is chapter and count, ``"4.2-3"`` in the thesis, ``"P2.3-1"`` in paper 2, ``"R1-4"`` of the real targets; `caption` says what to see, and is the web book's text for those who do not see the figure.
 
     Raises
     ------

@@ -174,7 +174,7 @@ def test_words_masks_and_indices():
     assert refused(lambda value, name: checks.check_mask(value, name, 2), [True], [1, 0], None, np.ones((2, 1), bool))
     assert refused(lambda value, name: checks.check_mask(value, name, 2), np.ma.array([True, False], mask=[True, False]))
     assert checks.check_angles((0, 2), 3) == checks.check_angles([0, 2], 3) == checks.check_angles(np.array([0, 2]), 3) == (0, 2)
-    wrong = (3,), (-1,), [0, 3], [True], (False,), [0.0], 0, None
+    wrong = (3,), (7,), (-1,), [0, 3], [True], (False,), [0.0], 0, None
     assert refused(lambda value, name: checks.check_angles(value, 3, name), *wrong)
 
 

@@ -79,6 +79,8 @@ def test_an_exact_error_is_of_a_start_and_a_track():
         e = known.A[..., k] @ (model.F(e, 1.0) @ (e + truth[:, k]) - truth[:, k + 1])
         np.testing.assert_allclose(bias[:, k + 1], e, atol=1e-12)
     assert not exact_error(model, sensor, truth, 1.0, truth[:, 0], np.eye(2))[1][..., 0].any()
+    with pytest.raises(ValueError, match="sensor: expected a linear one"):
+        exact_error(model, object(), truth, 1.0, truth[:, 0], np.eye(2))
 
 
 @pytest.mark.parametrize(

@@ -64,6 +64,7 @@ def test_cells_of_a_table_are_a_question_each(ask):
         ({"cells": '{ a = ["vz", "max"] }'}, "printed"),
         ({"cells": '{ A = ["vx", "max"] }'}, "id"),
         ({"cells": '{ a = ["vx", "max"] }', "printed": '"1.0"'}, "printed"),
+        ({"cells": '{ a = ["vx", "max"] }', "printed": '{ table = "thesis 9", row = "vx" }'}, "printed"),
     ],
 )
 def test_bad_cells_are_named(ask, changes, words):

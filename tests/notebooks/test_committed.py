@@ -23,6 +23,21 @@ def name(path):
     return path.relative_to(NOTEBOOKS).with_suffix("").as_posix()
 
 
+FIGURES_OF = {"1_thesis": "", "2_track_fusion": "P2.", "3_augmented_bias": "P3.", "4_space_tdoa": "P4.", "5_real_targets": "R"}
+
+
+def test_a_figure_has_a_number_of_its_own_and_chapters_count_theirs():
+    """Chapter and count: a chapter that goes on in a second notebook counts on."""
+    counted = {}
+    for path in CHAPTERS:
+        outputs = [output for cell in nbformat.read(path, as_version=4).cells for output in cell.get("outputs", [])]
+        captions = re.findall(r"\*\*Figure ([^*]+)\.\*\*", "\n".join(output.get("data", {}).get("text/markdown", "") for output in outputs))
+        chapter = FIGURES_OF[path.parent.name] + re.match(r"\d(?:_\d)?", path.stem)[0].replace("_", ".")
+        first = counted.get(chapter, 0) + 1
+        counted[chapter] = counted.get(chapter, 0) + len(captions)
+        assert captions and captions == [f"{chapter}-{n}" for n in range(first, first + len(captions))], path.name
+
+
 @pytest.fixture(scope="module")
 def ledger():
     return read_ledger()
