@@ -38,6 +38,18 @@ def test_a_figure_has_a_number_of_its_own_and_chapters_count_theirs():
         assert captions and captions == [f"{chapter}-{n}" for n in range(first, first + len(captions))], path.name
 
 
+@pytest.mark.parametrize("path", CHAPTERS, ids=name)
+def test_no_section_is_missing_from_its_numbers(path):
+    """`## 1`, `## 2`, … and within section 5 `### 5.1`, `### 5.2`, …: a heading that was lost leaves a gap."""
+    text = "\n".join(cell.source for cell in nbformat.read(path, as_version=4).cells if cell.cell_type == "markdown")
+    numbers = [tuple(map(int, found.split("."))) for found in re.findall(r"^##+ (\d+(?:\.\d+)?)(?= )", text, re.M)]
+    last = {}
+    for *above, number in numbers:
+        known = last.get(tuple(above))
+        assert number == known + 1 if known is not None else number in (0, 1), (path.name, above, number)
+        last[tuple(above)] = number
+
+
 @pytest.fixture(scope="module")
 def ledger():
     return read_ledger()
