@@ -181,7 +181,8 @@ def test_words_masks_and_indices():
 def test_a_vector_is_of_one_axis_and_a_number_one_of_one():
     assert checks.check_vector(2, "a", 1).tolist() == checks.check_vector(np.float64(2), "a").tolist() == [2.0]
     assert checks.check_vector([1, 2], "a", 2).tolist() == [1.0, 2.0]
-    assert refused(lambda value, name: checks.check_vector(value, name, 2), 1.0, np.ones(3), np.ones((2, 1)), [1, np.nan], [np.inf, 0])
+    wrong = 1.0, np.ones(3), np.ones((2, 1)), [1, np.nan], [np.inf, 0], np.array([1 + 0j, 2])
+    assert refused(lambda value, name: checks.check_vector(value, name, 2), *wrong)
 
 
 def test_arrays_that_stand_together_broadcast_or_have_one_length():

@@ -115,6 +115,7 @@ CHANGE = '[{{ on = {on}, was = "< 2", because = "typo", turned = "{turned}" }}]'
         ("printed", CELL | {"printed": '{ table = "thesis 9", row = 2, column = "max" }'}),
         ("printed", CELL | {"printed": '{ table = "thesis 9", row = "vx", column = "most" }'}),
         ("printed", CELL | {"printed": '{ table = "thesis 9", row = "vx" }'}),
+        ("printed", CELL | {"printed": '{ table = "thesis 9", row = "vx", column = "max", digits = 3 }'}),
         ("printed", {"rule": '"beyond"', "printed": '"1.0"'}),
         ("tolerance", {"tolerance": "0.1"}),
         ("tolerance", CELL | {"tolerance": "0.0"}),

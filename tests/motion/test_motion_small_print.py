@@ -147,6 +147,15 @@ def test_continuous_noise_of_any_trailing_axes_is_that_of_each(make):
         np.testing.assert_allclose(model.Q(x[..., 1], 0.4), whole[..., 1], atol=1e-13)
 
 
+@every_planar
+def test_continuous_noise_written_out_in_symbols_is_that_of_numbers(make):
+    pytest.importorskip("llvmlite")
+    model = make(1.5, 0.4, noise="continuous")
+    x = np.random.default_rng(2).standard_normal((model.n, 9))
+    _, Q = fused.predict(model, x, np.zeros((model.n, model.n, 9)), 0.4)
+    np.testing.assert_allclose(Q, model.Q(x, 0.4), rtol=1e-12, atol=1e-13)
+
+
 @pytest.mark.parametrize("make", [CV, CA])
 def test_held_inputs_of_a_linear_model_have_no_arc(make):
     one, other = make(1.5), make(1.5, noise="exact")
