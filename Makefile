@@ -39,7 +39,7 @@ student: $(READY)  ## copy the notebooks without the exercises' solutions to bui
 test: $(READY)  ## lint code and notebooks, run the unit tests (TESTS= takes pytest's options), compare every notebook's outputs with a fresh run
 	$(RUN) -m ruff check .
 	$(RUN) -m ruff format --check .
-	$(RUN) -m pytest tests -n 2 $(TESTS)
+	PYTHONPATH="$(CURDIR)/tests/quick:$(CURDIR)" $(RUN) -m pytest tests -n 2 $(TESTS)
 	@if [ -z "$$(find notebooks -name '*.ipynb' -not -path '*/.*' 2>/dev/null)" ]; then echo "No notebooks to compare yet."; \
 	else set -x; $(RUN) -m pytest $(NBVAL) notebooks -n 2 --dist loadscope --no-loadscope-reorder; fi
 

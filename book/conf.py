@@ -17,6 +17,7 @@ nb_render_markdown_format = "myst"  # captions and ledgers link to pages and hol
 
 autodoc_member_order = "bysource"
 autodoc_typehints = "none"
+autodoc_use_type_comments = False  # there are none, and to look for them takes a second
 default_role = "code"  # in docstrings
 napoleon_google_docstring = False
 napoleon_use_rtype = False

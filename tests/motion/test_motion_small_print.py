@@ -147,7 +147,7 @@ def test_continuous_noise_of_any_trailing_axes_is_that_of_each(make):
         np.testing.assert_allclose(model.Q(x[..., 1], 0.4), whole[..., 1], atol=1e-13)
 
 
-@every_planar
+@pytest.mark.parametrize("make", [CTRV, PolarCV])  # of one rule for all
 def test_continuous_noise_written_out_in_symbols_is_that_of_numbers(make):
     pytest.importorskip("llvmlite")
     model = make(1.5, 0.4, noise="continuous")
@@ -228,18 +228,22 @@ def exact_integrals(phi, order):
 
 
 PHIS = np.array([0.0, 1e-8, -0.3, 0.7, 0.99, 1.01, -1.5, 2.5, 6.0, -12.0])
-EXACT = np.array([exact_integrals(phi, 3) for phi in PHIS]).T
+
+
+@pytest.fixture(scope="module")
+def exact():
+    return np.array([exact_integrals(phi, 3) for phi in PHIS]).T
 
 
 @pytest.mark.parametrize("order", [0, 1, 2, 3])
-def test_integrals_of_numbers_and_arrays_of_any_shape_are_one(order):
+def test_integrals_of_numbers_and_arrays_of_any_shape_are_one(order, exact):
     for phi in (PHIS, PHIS.reshape(2, 5), PHIS[:4], PHIS[5:]):  # also such that all are small, or none is
         found = turn_integrals(phi, order)
         start = 5 if phi is not PHIS and phi.shape == (5,) else 0
         assert len(found) == order + 1 and all(e.shape == phi.shape for e in found)
-        np.testing.assert_allclose(np.array([e.ravel() for e in found]), EXACT[: order + 1, start : start + phi.size], rtol=0, atol=2e-15)
-    for phi, exact in zip(PHIS.tolist(), EXACT.T, strict=True):
-        np.testing.assert_allclose(turn_integrals(phi, order), exact[: order + 1], rtol=0, atol=2e-15)
+        np.testing.assert_allclose(np.array([e.ravel() for e in found]), exact[: order + 1, start : start + phi.size], rtol=0, atol=2e-15)
+    for phi, values in zip(PHIS.tolist(), exact.T, strict=True):
+        np.testing.assert_allclose(turn_integrals(phi, order), values[: order + 1], rtol=0, atol=2e-15)
     assert (
         turn_integrals(1, order)[0].shape == ()
         and np.isnan(turn_integrals(np.inf, order)[0])

@@ -1,17 +1,7 @@
-import os
-
 import nbformat
 import pytest
 
-from trackhelpers.suite import ROOT, form
-
-
-@pytest.fixture(scope="module", autouse=True)
-def processes_start_sooner():
-    """Processes that a test starts find this checkout, and leave out what `tests/quick` says."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("PYTHONPATH", os.pathsep.join([str(ROOT / "tests" / "quick"), str(ROOT)]))
-        yield
+from trackhelpers.suite import form
 
 
 @pytest.fixture(scope="session")

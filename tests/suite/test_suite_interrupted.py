@@ -1,14 +1,11 @@
 """Ctrl-C while Sphinx builds the pages."""
 
-import os
 import signal
 import subprocess
 import sys
 import time
 
 import psutil
-
-from trackhelpers.suite import ROOT
 
 BUILDING = """
 import sys
@@ -26,7 +23,7 @@ def test_ctrl_c_while_sphinx_builds_the_pages_ends_both_in_one_line(store, tmp_p
     first = store("00_start_here.ipynb", "1 + 1")
     (tmp_path / "script.py").write_text(BUILDING)
     command = [sys.executable, tmp_path / "script.py", first.parent, tmp_path / "out"]
-    process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True, env=os.environ | {"PYTHONPATH": str(ROOT)})
+    process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
     watched = psutil.Process(process.pid)
     while not (sphinx := [child for child in watched.children() if "sphinx" in child.cmdline()]):
         assert process.poll() is None
