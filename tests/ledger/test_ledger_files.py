@@ -46,7 +46,7 @@ def test_write_gives_the_same_bytes_twice_and_leaves_nothing_else(folders, monke
         write(folders[0], monkeypatch, ours=ours)
         assert [path.name for path in folders[0].iterdir()] == ["1_thesis__2_kalman_filter.csv"]
     assert (folders[0] / "1_thesis__2_kalman_filter.csv").read_bytes() == (
-        b"id,ours,low,high,verdict,note\ncell,1,,,reproduced,\nequation,1e-12,,,reproduced,\n"
+        b"id,ours,low,high,verdict,note\ncell,1,,,reproduced,\nequation,1e-10,,,reproduced,\n"
     )
 
 

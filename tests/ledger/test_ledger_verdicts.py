@@ -140,15 +140,15 @@ def test_found_takes_one_line_of_words(words):
 @pytest.mark.parametrize(
     ("rule", "residual", "text"),
     [
-        ("equation", 0.0, "1e-12"),
-        ("equation", 3e-16, "1e-12"),
-        ("equation", 1e-12, "1e-12"),
-        ("equation", 3e-11, "1e-10"),
+        ("equation", 0.0, "1e-10"),
+        ("equation", 3e-16, "1e-10"),
+        ("equation", 1e-10, "1e-10"),
+        ("equation", 3e-10, "1e-09"),
         ("equation", 1e-9, "1e-09"),
         ("equation", 0.1234, "0.1"),
         ("equation", 1.04e-9, "1.04e-09"),
-        ("< 1e-9", 7e-17, "1e-12"),
-        ("> 1e-9", 7e-17, "1e-12"),
+        ("< 1e-9", 7e-17, "1e-10"),
+        ("> 1e-9", 7e-17, "1e-10"),
         ("< 1e-13", 7e-17, "7e-17"),  # the bound would not satisfy the rule
         ("< 0.5", 1.0 / 3.0, "0.333333"),
         ("<= 1", 1.0000001, "1.0000001"),

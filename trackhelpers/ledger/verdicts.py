@@ -14,7 +14,7 @@ from .rules import EQUATION_TOLERANCE, agrees, conditions, holds_on
 
 __all__ = ["MARKS", "Found", "stored", "verdict"]
 
-LEAST_RESIDUAL = 1e-12  # what lies below is one: its digits differ from one processor to the next
+LEAST_RESIDUAL = 1e-10  # what lies below is one: how much of it is rounding differs from one processor to the next
 
 MARKS = {
     "reproduced": "✓ reproduced",
@@ -71,7 +71,7 @@ def stored(question, answer=None):
     """Return the row of the CSV file, a dict of text, for a question and its answer as `verdict` takes it.
 
     Numbers have six significant digits and residuals one, more only where the verdict would not follow from fewer. A residual that is rounding is stored as a bound, the next
-    power of ten from 1e-12 on.
+    power of ten from 1e-10 on.
     """
     numbers, found = _parts(question, answer)
     judged = _judged(question, numbers, found)
@@ -183,7 +183,7 @@ def _judged(question, numbers, found):
 
 
 def _bound(value):
-    """Return the next power of ten from `value` on, at least 1e-12."""
+    """Return the next power of ten from `value` on, at least 1e-10."""
     power = LEAST_RESIDUAL
     while power < value:
         power = float(f"{10 * power:.0e}")
