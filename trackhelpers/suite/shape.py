@@ -48,18 +48,20 @@ def untagged(notebook):
 
 
 def unintroduced(notebook):
-    """Return a line of text for each open code cell that follows a code cell, open or folded, without text between.
+    """Return a line of text for each open code cell that follows a code cell, open or folded, or a heading, without a sentence between.
 
-    One that only waits for the reader needs none, nor do those before the first section, which prepare its picture and are folded in the book.
+    One that only waits for the reader needs none, nor does the one that writes the ledger, nor do those before the first section, which prepare its picture and are folded in the book.
     """
     found, before, cells = [], None, notebook.cells
     sections = [i for i, cell in enumerate(cells) if cell.cell_type == "markdown" and re.search("^## ", cell.source, flags=re.MULTILINE)]
     for cell in cells[sections[0] :] if sections else cells:
         if cell.cell_type == "markdown" and not cell.source.strip():
             continue
-        if cell.cell_type == before == "code" and not _folded(cell) and statements(cell.source):
-            found.append(f"cell {cell.id} follows another code cell, expected text that says what it is for")
-        before = cell.cell_type
+        if cell.cell_type == "code" and before in ("another code cell", "a heading") and not _folded(cell) and statements(cell.source):
+            if before != "a heading" or not _LEDGER.search(cell.source):
+                found.append(f"cell {cell.id} follows {before}, expected text that says what it is for")
+        headed = cell.cell_type == "markdown" and cell.source.rstrip().splitlines()[-1].startswith("#")
+        before = "another code cell" if cell.cell_type == "code" else "a heading" if headed else "text"
     return found
 
 
